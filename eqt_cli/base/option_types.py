@@ -326,11 +326,15 @@ Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
 """The length of a horizon, s."""
 
 
+STRICT = {"extra": "forbid", "strict": True}
+"""Settings of pydantic for options: no other keys, no silent conversions."""
+
+
 class Keys:
     """Base of options that are mappings of keys: frozen dataclasses."""
 
     # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {"strict": False}
 
 
 def _is_no_device(name: str) -> str:

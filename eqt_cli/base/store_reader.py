@@ -20,9 +20,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.base import files
+from eqt_cli.base import files, stored
 from eqt_cli.base.errors import Remedy, ResultError, suggestion
-from eqt_cli.base.files import Attribute
+from eqt_cli.base.stored import Attribute
 from eqt_cli.base.version import __version__
 
 
@@ -88,17 +88,17 @@ def contents_of(file: Any, size: int) -> Contents:
     labels = {name: _scale_label(dataset) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
     # A placeholder is never written: only its length counts.
-    stored = [name for name in names if not labels[name].startswith(files.PLACEHOLDER)]
+    held = [name for name in names if not labels[name].startswith(stored.PLACEHOLDER)]
     coordinates = set(scales)
-    for name in stored:
+    for name in held:
         _require_data(datasets[name], size)
-        if files.COORDINATES in datasets[name].attrs:
-            coordinates.update(str(attribute(datasets[name], files.COORDINATES)).split())
+        if stored.COORDINATES in datasets[name].attrs:
+            coordinates.update(str(attribute(datasets[name], stored.COORDINATES)).split())
     dims = _dimensions(datasets, scales)
     return Contents(
         {
             name: CheckedArray(datasets[name], dims[name], attributes_of(datasets[name]))
-            for name in stored
+            for name in held
         },
         coordinates,
         {name: len(datasets[name]) for name in scales},
@@ -108,7 +108,7 @@ def contents_of(file: Any, size: int) -> Contents:
 
 def attributes_of(owner: Any) -> dict[str, Attribute]:
     """Return the user's attributes of an open file or dataset."""
-    return {name: attribute(owner, name) for name in owner.attrs if name not in files.RESERVED}
+    return {name: attribute(owner, name) for name in owner.attrs if name not in stored.RESERVED}
 
 
 def attribute(owner: Any, name: str) -> Attribute:
@@ -138,7 +138,7 @@ def _is_text(kind: Any) -> bool:
 
 def _object(file: Any, name: str) -> Any:
     """Open what a file holds, without following a link out of it."""
-    if not files.NAME.fullmatch(name):
+    if not stored.NAME.fullmatch(name):
         raise Refusal(f"it holds something called {name!r}")
     link = file.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink):
@@ -176,9 +176,9 @@ def _dataset(file: Any, name: str) -> Any:
 def _require_data(dataset: Any, size: int) -> None:
     """Refuse a dataset that declares more data than a file of `size` bytes can hold."""
     declared = prod(dataset.shape) * dataset.dtype.itemsize
-    stored = min(dataset.id.get_storage_size(), size)
-    if declared > _DEFLATE_RATIO * stored:
-        raise Refusal(f"'{_path(dataset)}' declares {declared} bytes and holds {stored}")
+    held = min(dataset.id.get_storage_size(), size)
+    if declared > _DEFLATE_RATIO * held:
+        raise Refusal(f"'{_path(dataset)}' declares {declared} bytes and holds {held}")
 
 
 def _scale_label(dataset: Any) -> str:
@@ -270,7 +270,7 @@ class ResultFile:
     of_all_points: tuple[str, ...] = (*"path _view _file _root _sums _by_shape _open".split(),)
     """Attributes that a view of one point shares."""
 
-    def __init__(self, path: str | Path, oldest: int = files.FORMAT) -> None:
+    def __init__(self, path: str | Path, oldest: int = stored.FORMAT) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
             stream = stack.enter_context(CheckedStream(files.open_regular(path).detach()))
@@ -297,7 +297,7 @@ class ResultFile:
     def _show(self, contents: Contents, fixed: Mapping[str, int] | None = None) -> None:
         """Show the contents, at a position along the `fixed` dimensions."""
         self._fixed = fixed or {}
-        hidden = {*self._fixed, *(dim for dim in contents.dimensions if dim.endswith(files.TEXTS))}
+        hidden = {*self._fixed, *(dim for dim in contents.dimensions if dim.endswith(stored.TEXTS))}
         self._entries = {
             name: entry
             for name, entry in contents.entries.items()
@@ -339,7 +339,7 @@ class ResultFile:
         ResultError
             If there is no such point.
         """
-        points = self.dimensions.get(files.POINT)
+        points = self.dimensions.get(stored.POINT)
         if points is None:
             raise ResultError(f"{self.path}: is not a sweep; leave the point out")
         if not 0 <= point < points:
@@ -356,7 +356,7 @@ class ResultFile:
         view = type(self).__new__(type(self))  # which has computed nothing of another point
         for name in (name for name in self.of_all_points if hasattr(self, name)):
             setattr(view, name, getattr(self, name))
-        view._show(self._root, {files.POINT: point})
+        view._show(self._root, {stored.POINT: point})
         view.attributes = _Attributes(self.path, {**self.attributes, **(attributes or {})})
         return view
 
@@ -364,14 +364,14 @@ class ResultFile:
         """Return the result that holds a point's arrays, and their position along ``point``."""
         if not self._sums:
             return self, point
-        shapes = self.read(files.SHAPE)
+        shapes = self.read(stored.SHAPE)
         row = int(np.count_nonzero(shapes[:point] == shapes[point]))
         return self.of_shape(int(shapes[point])), row
 
     @property
     def shapes(self) -> range:
         """The numbers of the shapes of points; none where all points have the same."""
-        return range(len(self._sums) if files.POINT in self.dimensions else 0)
+        return range(len(self._sums) if stored.POINT in self.dimensions else 0)
 
     def of_shape(self, shape: int) -> Self:
         """Return the result of the points of one shape, which is closed with this one.
@@ -402,7 +402,7 @@ class ResultFile:
         ResultError
             If it is a sweep; the message says how to choose a point.
         """
-        points = self.dimensions.get(files.POINT)
+        points = self.dimensions.get(stored.POINT)
         if points is not None:
             raise ResultError(
                 f"{self.path}: {what}, and this is a sweep of {points} points",
@@ -469,7 +469,7 @@ class ResultFile:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
             data = _read(entry.dataset, positions)
-            table = self._root.entries.get(name + files.TEXTS)
+            table = self._root.entries.get(name + stored.TEXTS)
             texts = data if table is None else table.dataset[()]
             if texts.dtype.kind == "S":
                 texts = np.char.decode(texts, "utf-8").astype(object)
@@ -546,7 +546,7 @@ class ResultFile:
         return self._entries[name]
 
 
-def open_results(path: str | Path, oldest: int = files.FORMAT) -> ResultFile:
+def open_results(path: str | Path, oldest: int = stored.FORMAT) -> ResultFile:
     """Open a result file, after checking that it is safe to read.
 
     Parameters
@@ -657,18 +657,18 @@ def _refused(path: Path, reason: str) -> ResultError:
 
 
 def _check_format(path: Path, file: Any, oldest: int) -> None:
-    number = _outside_heaps(file, files.FORMAT_ATTRIBUTE)
+    number = _outside_heaps(file, stored.FORMAT_ATTRIBUTE)
     if not isinstance(number, np.integer):  # the number of eqt's layout
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
-            f"'{files.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"
+            f"'{stored.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"
         )
-    if not oldest <= number <= files.FORMAT:
-        version = _outside_heaps(file, files.VERSION_ATTRIBUTE)
+    if not oldest <= number <= stored.FORMAT:
+        version = _outside_heaps(file, stored.VERSION_ATTRIBUTE)
         is_valid = isinstance(version, bytes) and _VERSION.fullmatch(version)
         writer = f"eqt {version.decode()}" if is_valid else "the version of eqt that wrote it"
         raise ResultError(
-            f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "
+            f"{path}: has format {number}, but eqt {__version__} reads format {stored.FORMAT}; "
             f"read it with {writer}"
         )
 
@@ -683,11 +683,11 @@ def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:
 
     Of a list that is dense in the last axis, all between is read: HDF5 reads every number apart.
     """
-    stored: list[Chosen] = []
+    held: list[Chosen] = []
     orders: list[NDArray[Any] | None] = []  # of each remaining axis, where it is a list
     for axis, choice in enumerate(selection):
         if not isinstance(choice, np.ndarray):
-            stored.append(choice)
+            held.append(choice)
             if isinstance(choice, slice):
                 orders.append(None)
             continue
@@ -696,11 +696,11 @@ def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:
         dense = axis == len(selection) - 1 and span < DENSE * len(rising)
         if dense or any(order is not None for order in orders):
             rising = np.arange(rising[0], rising[-1] + 1)
-            stored.append(slice(rising[0], rising[-1] + 1))
+            held.append(slice(rising[0], rising[-1] + 1))
         else:
-            stored.append(rising)
+            held.append(rising)
         orders.append(np.searchsorted(rising, choice))
-    data = np.asarray(dataset[tuple(stored)])
+    data = np.asarray(dataset[tuple(held)])
     for axis, order in enumerate(orders):
         if order is not None:
             data = np.take(data, order, axis=axis)

@@ -15,11 +15,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.base import files
+from eqt_cli.base import files, stored
 from eqt_cli.base.errors import FullDiskError, Remedy, ResultError
 from eqt_cli.base.version import __version__
 
-Attribute = files.Attribute
+Attribute = stored.Attribute
 """The value of an attribute; integers must fit into 64 bits."""
 
 
@@ -215,7 +215,7 @@ class Assembly:
                 # It is never written, so that it takes no space: only its length counts.
                 blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
                 self._datasets[dim] = blank
-                blank.make_scale(f"{files.PLACEHOLDER}{size:10d}")
+                blank.make_scale(f"{stored.PLACEHOLDER}{size:10d}")
         extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
         for name, variable in extra.items():
             self._attach(self._add(name, variable), variable.dims, {})
@@ -247,7 +247,7 @@ class Assembly:
             texts, places = np.unique(by_number, return_inverse=True)
             if len(numbers) > 1:
                 dataset[...] = places[dataset[...]]
-            table, about = name + files.TEXTS, {"long_name": f"texts that '{name}' numbers"}
+            table, about = name + stored.TEXTS, {"long_name": f"texts that '{name}' numbers"}
             self._sizes = {table: len(texts)}
             self._add(table, Variable((table,), texts, about)).make_scale(table)
 
@@ -283,7 +283,7 @@ class Assembly:
             dataset.dims[axis].attach_scale(self._datasets[dim])
         described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
         if described:
-            _describe(dataset, {files.COORDINATES: " ".join(described)})
+            _describe(dataset, {stored.COORDINATES: " ".join(described)})
 
 
 @contextmanager
@@ -324,8 +324,8 @@ def assemble(
     try:
         with files.replacement(target) as written:
             with Sink(written) as sink, _create(sink) as file:
-                file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
-                file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
+                file.attrs[stored.FORMAT_ATTRIBUTE] = stored.FORMAT
+                file.attrs[stored.VERSION_ATTRIBUTE] = np.bytes_(__version__)
                 assembly = Assembly(file, sizes, coordinates, variables, compression)
                 yield assembly
                 assembly.put_texts()

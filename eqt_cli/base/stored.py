@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,54 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, FiniteFloat
 
 from eqt_cli.base.errors import printable
+from eqt_cli.base.files import SHAPES
+
+# Names in result files ----------------------------------------------------------------------------
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
+"""Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
+
+Attribute = str | int | float
+
+FORMAT = 5
+"""Number of the file layout; a reader refuses every other number.
+
+In 3, strings have a fixed length, and variables number the texts of a table; in 4, results hold the
+parts of the coordinates with their units, so that readers need no group; in 5, points of one shape
+are a result of their own."""
+
+FORMAT_ATTRIBUTE = "eqt_format"
+"""The root attribute that marks a file as eqt's and holds its `FORMAT`."""
+
+VERSION_ATTRIBUTE = "eqt_version"
+"""The root attribute with the version of eqt that wrote the file, a string of fixed length."""
+
+PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
+"""Label of netCDF-4 for the scale of a dimension with a size but without coordinate values."""
+
+POINT = "point"
+"""The dimension of a sweep's points."""
+
+CASE = "case"
+"""The coordinate of a sweep with the names of cases, which is no key of the configuration."""
+
+LAW = "law"
+"""The variable with the registered law that a controller equals at a point."""
+
+SHAPE = "shape"
+"""The variable with the number of each point's shape."""
+
+TEXTS = "_text"
+"""End of the name of a table in the root with the texts that a variable numbers."""
+
+COORDINATES = "coordinates"
+"""The CF attribute that names further coordinates of a variable, separated by blanks."""
+
+_OF_HDF5 = "CLASS NAME DIMENSION_LABELS DIMENSION_LIST REFERENCE_LIST".split()
+_OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict _Encoding".split()
+RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, SHAPES, *_OF_HDF5, *_OF_NETCDF}
+"""Attributes that hold the structure of the file, and are never a user's."""
+
 
 # Signals over time; formulas are in `loop.signals`, signals of actuators stand with these ---------
 

@@ -228,7 +228,7 @@ def report(
             if disagrees:
                 causes.append("the cross-check does not hold")
             if json:
-                points = results.dimensions.get("point")
+                points = results.points if results.is_sweep else None
                 document = {
                     "results": str(done.file),
                     "was_complete": done.outcome.was_complete,
@@ -262,7 +262,8 @@ def _print_summary(done: StoredResult, results: Result) -> None:
 
 def _about(done: StoredResult, results: Result) -> str:
     """``✓ paper: 800 runs of 20 s in 5.1 s``, and stages that took more than a tenth of that."""
-    points, seconds = results.dimensions.get("point"), done.outcome.seconds
+    points = results.points if results.is_sweep else None
+    seconds = done.outcome.seconds
     over = "" if points is None else f"{output.count_of(points, 'point')}, "
     runs = output.count_of(done.runs, "run")
     lasting = f" of {results.horizon:g} s" if results.horizon else ""

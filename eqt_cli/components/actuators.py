@@ -21,7 +21,16 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
+from eqt_cli.base.option_types import (
+    MOMENTUM,
+    TORQUE,
+    TORQUE_RATE,
+    Keys,
+    Offset,
+    Positive,
+    Scale,
+    Unit,
+)
 from eqt_cli.base.registry import Registry
 from eqt_cli.base.stored import Signal
 from eqt_cli.components.groups import MatrixLieGroup
@@ -256,7 +265,7 @@ TINY = 1e-13
 
 
 @dataclass(frozen=True)
-class BackCalculation:
+class BackCalculation(Keys):
     """An integral is taken back where limits cut the command, `{back_calculation: 1 s}`.
 
     Attributes
@@ -264,9 +273,6 @@ class BackCalculation:
     back_calculation
         T, the time constant by which what is cut falls, s.
     """
-
-    # Not strict, for the reason given in `Keys`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     back_calculation: Annotated[Positive, Scale("time constant of the anti-windup", "s")]
 

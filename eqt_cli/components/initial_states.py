@@ -10,9 +10,10 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator
 
+from eqt_cli.base import option_types
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Kind, Real, Scale, Unit, as_section
+from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Keys, Kind, Real, Scale, Unit
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.groups import MatrixLieGroup, Part, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
@@ -67,7 +68,7 @@ class Distribution(Component):
 
 
 @dataclass(frozen=True)
-class Spread:
+class Spread(Keys):
     """Independent normals around 0.
 
     Attributes
@@ -75,9 +76,6 @@ class Spread:
     std
         Standard deviation of every entry, or one per entry, in the unit of the entries.
     """
-
-    # Not strict, because its unit is told from outside: a strict model takes no mapping then.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     std: Real | list[Real] = 1.0
 
@@ -463,7 +461,7 @@ class Normal(NormalCoordinates, VelocityDistribution):
 
 
 @dataclass(frozen=True)
-class Speed:
+class Speed(Keys):
     """A velocity by its size and axis.
 
     Attributes
@@ -473,8 +471,6 @@ class Speed:
     axis
         `random`, uniform over all directions, or a vector in the body frame.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     speed: Annotated[Real | list[Real], Scale("initial speed of translation", "m/s")]
     axis: Axis = "random"
@@ -618,5 +614,5 @@ class PoseKind(Kind):
     def section(self, made: Any) -> Any:
         """Return the value that describes a distribution."""
         if isinstance(made, FactorPoses):
-            return [as_section(factor) for factor in made.factors]
-        return as_section(made)
+            return [option_types.as_section(factor) for factor in made.factors]
+        return option_types.as_section(made)

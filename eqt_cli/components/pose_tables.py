@@ -15,7 +15,7 @@ from pydantic import Tag
 from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.extensions import function_for
-from eqt_cli.base.option_types import Positive, Real, Unit, one_of
+from eqt_cli.base.option_types import STRICT, Positive, Real, Unit, one_of
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
@@ -81,7 +81,7 @@ class TimeMapping:
         hold until the next row, so that their means over the interval are kept.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     scale: Positive = 1.0
     begin: Annotated[Real | None, Unit("s")] = None
@@ -128,7 +128,7 @@ class LogMapping:
         ``unordered`` no time after the largest so far. Up to 5 % are left out without it.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     columns: dict[str, str] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from pydantic import WrapValidator
 
 from eqt_cli.base.arrays import Array, apply_matrix, frobenius, maximum, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Real, shown, unknown_key
+from eqt_cli.base.option_types import STRICT, Real, shown, unknown_key
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import BODY_ENERGY, Controller, controllers
 from eqt_cli.components.matrix_groups import turn_of_distance
@@ -220,7 +220,7 @@ class Point(Task):
         `reference`: instead of `at`, it is to point along the reference's axis R_d a.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     is_whole: ClassVar[bool] = False
     errors: ClassVar[Mapping[str, str]] = POINTING_ERRORS

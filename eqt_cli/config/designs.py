@@ -16,9 +16,9 @@ from pydantic_core import core_schema
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
-from eqt_cli.base.files import CASE
 from eqt_cli.base.option_types import (
     MAX_POINTS,
+    STRICT,
     AnyReal,
     CountOrNone,
     Points,
@@ -28,11 +28,11 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.stored import CASE
 
 # An axis of a design: a list of values, or a range ------------------------------------------------
 
 
-_STRICT = {"extra": "forbid", "strict": True}
 _WHOLE = {"type": ["integer", "string"]}
 
 # JSON Schemas that are narrower if a key has a value.
@@ -60,7 +60,7 @@ class Range:
         The scale on which values are uniform; on a log scale, low is greater than 0.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = _STRICT | {
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {
         "json_schema_extra": {"allOf": [_POSITIVE]}  # JSON Schema cannot express low < high
     }
 
@@ -117,7 +117,7 @@ class DrawnRange(Range):
         Whether only whole numbers are drawn.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = _STRICT | {
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {
         "json_schema_extra": {"allOf": [_POSITIVE, _WHOLE_BOUNDS]}
     }
 
@@ -153,7 +153,7 @@ Values = Annotated[list[Any], Field(min_length=1)]
 class Choices:
     """Values that are equally likely."""
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = _STRICT
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     values: Values
 

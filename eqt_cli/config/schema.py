@@ -229,8 +229,12 @@ class ReferenceEntry:
     velocity: Any
 
 
+USUAL_REFERENCE = "torque"
+"""The kind of a reference that has none; its only option has the same name."""
+
+
 class ReferenceKind(Kind):
-    """The section `reference`, whose kind is `torque` by default."""
+    """The section `reference`, whose kind is `USUAL_REFERENCE` by default."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> ReferenceEntry | None:
         """Return the reference and where it starts; its files are read later."""
@@ -238,10 +242,10 @@ class ReferenceKind(Kind):
             problems.add(f"expected a mapping, got {shown(value)}")
             return None
         kinds = [kind for kind in self.registry.all() if value.keys() <= {*option_names(kind)}]
-        if not value.keys() & {"kind", "torque"} and value and kinds:
+        if not value.keys() & {"kind", USUAL_REFERENCE} and value and kinds:
             problems.at("kind").add(f"missing; these keys are those of kind: {kinds[0].name}")
             return None
-        name, kind = value.get("kind", "torque"), None
+        name, kind = value.get("kind", USUAL_REFERENCE), None
         with suppress(InputError):
             kind = self.registry.get(self.registry.written(name)) if isinstance(name, str) else None
         takes = tuple(DEFAULTS) if kind is None else kind.starts_from
@@ -252,7 +256,7 @@ class ReferenceKind(Kind):
             )
             value = {name: entry for name, entry in value.items() if name != key}
         starts = {key: value.get(key, DEFAULTS[key]) for key in takes}
-        options = {"kind": "torque"} | {k: v for k, v in value.items() if k not in starts}
+        options = {"kind": USUAL_REFERENCE} | {k: v for k, v in value.items() if k not in starts}
         reference = self.read(options, problems, group, takes)
         if group is None:
             return None
@@ -277,7 +281,7 @@ class ReferenceKind(Kind):
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         kinds = [self.mapping(kind, handler) for kind in self.registry.all()]
         for kind in kinds:
-            if kind["properties"]["kind"]["const"] == "torque":
+            if kind["properties"]["kind"]["const"] == USUAL_REFERENCE:
                 kind["required"].remove("kind")
         return {"anyOf": kinds}
 

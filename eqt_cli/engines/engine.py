@@ -19,7 +19,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import CountOrNone, Positive
+from eqt_cli.base.option_types import STRICT, CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import OuterLoop
@@ -917,7 +917,7 @@ class SolverChecks:
         How many runs per law are redone by another engine and compared.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     max_error: Positive | None = None
     error_estimate: bool | None = None

@@ -42,7 +42,8 @@ from eqt_cli.results.result import Result
 # Trajectories of the runs of one or several results -----------------------------------------------
 
 
-_NORMS = ("pose_error", "velocity_error", "torque_norm")
+NORMS = ("pose_error", "velocity_error", "torque_norm")
+"""The norms of errors and torque, which also exist for the parts of a group."""
 
 
 _IN_SPACE = {"pose_error_rotation": "attitude_angle", "pose_error_translation": "position_error"}
@@ -237,8 +238,8 @@ class ShownRuns(ShownControllers):
     def parts(self) -> list[str]:
         """Suffixes of the norms per part, such as ``_rotation``; else one empty suffix."""
         first = self.results[0]
-        suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
-        return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
+        suffixes = [f"_{part}" for part in first.parts(NORMS[0])]
+        return [end for end in suffixes if all(first.has(norm + end) for norm in NORMS)] or [""]
 
     def in_space(self, signal: str) -> str:
         """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n).

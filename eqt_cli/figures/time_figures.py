@@ -19,6 +19,7 @@ from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, spans_decade
 from eqt_cli.figures.figure import (
     MOST,
+    NORMS,
     LawRow,
     OfReference,
     OverTime,
@@ -56,7 +57,6 @@ from eqt_cli.figures.style import Width, component_style, ink, line_style
 # Errors, torque norm and L over all runs, and the same as the paper prints them -------------------
 
 
-_NORMS = ("pose_error", "velocity_error", "torque_norm")
 _FUNCTION = "lyapunov"
 _DECADES = 100.0
 """Largest value over the smallest from which a scale is logarithmic."""
@@ -100,10 +100,10 @@ class Summary(Panelled, OverTime):
         """Draw two by two panels, or a row per norm and a column per part."""
         runs.require_attitude(degrees=bool(self.degrees))
         degrees = bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
-        norms = self.picked((*_NORMS, _FUNCTION))
+        norms = self.picked((*NORMS, _FUNCTION))
         if len(runs.shown) > MOST_COLOURS and not self.printed:
-            degrees = degrees and norms[0] == _NORMS[0]
-            signal: Any = norms[0] if norms[0] != _NORMS[0] else ""
+            degrees = degrees and norms[0] == NORMS[0]
+            signal: Any = norms[0] if norms[0] != NORMS[0] else ""
             return RunsFigure(signal=signal, log=self.log, degrees=degrees).compose(runs, width)
         drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
@@ -185,7 +185,7 @@ def _title(runs: ShownRuns, signal: str) -> str:
     """Return a signal in words; nothing where the user's own name is on the scale."""
     if signal in runs.results[0].custom_names:
         return ""
-    norm = next((norm for norm in _NORMS if signal.startswith(norm)), "")
+    norm = next((norm for norm in NORMS if signal.startswith(norm)), "")
     if not norm:
         others = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
         return others.get(signal, signal.replace("_", " "))

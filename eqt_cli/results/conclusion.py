@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from eqt_cli.base.extensions import functions_for
-from eqt_cli.base.files import CASE
 from eqt_cli.base.reporting import TextTable
+from eqt_cli.base.stored import CASE
 from eqt_cli.results.result import Result
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eqt_cli.base.errors import printable
-from eqt_cli.base.files import POINT
 from eqt_cli.base.reporting import pandas_frame
+from eqt_cli.base.stored import POINT
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, bare, printable, suggestion
 from eqt_cli.base.registry import registry
 from eqt_cli.base.store_reader import ResultFile
-from eqt_cli.base.stored import SmallErrors, Words, distinct_titles
+from eqt_cli.base.stored import POINT, SmallErrors, Words, distinct_titles
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""
@@ -47,7 +47,7 @@ def check_coordinates(result: KnownResult) -> None:
     for name in result.coordinates:
         if name == "time" and not _rises(result.coordinate(name)):
             raise result.refusal("its 'time' does not rise from one finite number to the next")
-        if name in ("run", "stored_run", "point"):
+        if name in ("run", "stored_run", POINT):
             _check_numbers(result, name)
     if "controller" in result.coordinates:
         labels = result.coordinate("controller").tolist()
@@ -69,7 +69,7 @@ def _check_numbers(result: ResultFile, name: str) -> None:
     if not whole or (numbers.size and not (_rises(numbers) and numbers[0] >= 0)):
         raise result.refusal(f"its '{name}' does not count from 0")
     size = result.dimensions.get("run", 0)
-    if name != "point" and numbers.size and numbers[-1] >= size:  # of a shape, a point may be any
+    if name != POINT and numbers.size and numbers[-1] >= size:  # of a shape, a point may be any
         raise result.refusal(f"its '{name}' counts to {numbers[-1]}, and there are {size}")
 
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, ExpressionError
-from eqt_cli.base.files import Attribute
 from eqt_cli.base.reporting import NOTHING, fixed
-from eqt_cli.base.stored import Better, Signal, Symbol, signal_of
+from eqt_cli.base.stored import Attribute, Better, Signal, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------

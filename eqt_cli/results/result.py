@@ -14,9 +14,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable, suggestion
-from eqt_cli.base.files import CASE, LAW, POINT, Attribute
 from eqt_cli.base.reporting import significant
-from eqt_cli.base.stored import MIXED, Status, Symbol, signal_of
+from eqt_cli.base.stored import CASE, LAW, MIXED, POINT, Attribute, Status, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
@@ -458,7 +457,7 @@ class Result(KnownResult):
     @cached_property
     def metrics(self) -> list[str]:
         """Names of all numbers that are stored for every run, and of those implied by one."""
-        per_run = ("point", "controller", "run") if self.is_sweep else ("controller", "run")
+        per_run = (POINT, "controller", "run") if self.is_sweep else ("controller", "run")
         stored = [
             name
             for name in self.names

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from eqt_cli.base.files import POINT
 from eqt_cli.base.store_reader import ResultFile
+from eqt_cli.base.stored import POINT
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.config.document import document_of
 from eqt_cli.config.study import config_at

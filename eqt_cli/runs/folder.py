@@ -34,7 +34,7 @@ from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
-from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
+from eqt_cli.base.stored import LAW, MIXED, OUTPUT, POINT, SHAPE, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -318,7 +318,7 @@ def with_keys_of(config: Config, quantity: Measure) -> Measure:
 
 
 RESERVED = {*QUANTITIES, *(dim for each in QUANTITIES.values() for dim in each.dims)}
-RESERVED |= {"controller", "run", "stored_run", "point", "sample", "quantity"}
+RESERVED |= {"controller", "run", "stored_run", POINT, "sample", "quantity"}
 """Names that no metric of the user's own may have: variables, dimensions, variables of datasets."""
 
 
@@ -483,7 +483,7 @@ def blanks(study: Study, *kinds: ValuePer) -> dict[str, Variable]:
     for entry in stored_quantities(study):
         if not kinds or entry.per in kinds:
             by_point = study.sweep is not None and varies.get(entry.per, True)
-            dims = (*((files.POINT,) if by_point else ()), *leading[entry.per], *entry.dims)
+            dims = (*((POINT,) if by_point else ()), *leading[entry.per], *entry.dims)
             variables[entry.name] = Variable(dims, entry.dtype, entry.attributes)
     return variables
 
@@ -491,7 +491,7 @@ def blanks(study: Study, *kinds: ValuePer) -> dict[str, Variable]:
 def sizes_of(study: Study) -> dict[str, int]:
     """Return the length of every dimension of points of one shape."""
     along = coordinates(study.base, study.trajectories)
-    return {files.POINT: len(study)} | _sizes(along)
+    return {POINT: len(study)} | _sizes(along)
 
 
 def bytes_of(study: Study, *kinds: ValuePer) -> int:
@@ -527,7 +527,7 @@ def new_result_file(study: Study, path: Path) -> AbstractContextManager[Assembly
         return _assembled(study, path, coords, blanks(study) | _laws(study))
     assert study.sweep is not None
     points, about = np.array(study.sweep.points), {"long_name": "number of the point in the sweep"}
-    coords[files.POINT] = Variable((files.POINT,), points, about)
+    coords[POINT] = Variable((POINT,), points, about)
     return _assembled(study, path, coords, blanks(study))
 
 
@@ -538,7 +538,7 @@ def write_index(study: Study, path: Path, attributes: Mapping[str, Attribute]) -
     for index, points in enumerate(study.shapes):
         shape[points] = index
     meaning = {"long_name": f"shape of the point, whose arrays are in {files.SHAPES}/SHAPE.h5"}
-    variables = {files.SHAPE: Variable((files.POINT,), shape, meaning)} | _laws(study)
+    variables = {SHAPE: Variable((POINT,), shape, meaning)} | _laws(study)
     along = coordinates(study.base, 0)
     shared = {name: along[name] for name in ("controller", "run")}
     sources = [files.shape_file(path.parent, index) for index in range(len(of_shapes))]
@@ -563,13 +563,15 @@ def _laws(study: Study) -> dict[str, Variable]:
     """Return the variable with the registered law that each controller is, if options are swept."""
     laws = law_names(study, study.sweep) if study.sweep else None
     meaning = {"long_name": "registered law without options that the law equals"}
-    return {} if laws is None else {files.LAW: Variable(("point", "controller"), laws, meaning)}
+    if laws is None:
+        return {}
+    return {LAW: Variable((POINT, "controller"), laws, meaning)}
 
 
 def _assembled(
     study: Study, path: Path, coords: Mapping[str, Variable], variables: Mapping[str, Variable]
 ) -> AbstractContextManager[Assembly]:
-    sizes = ({"point": len(study)} if study.sweep else {}) | _sizes(coords)
+    sizes = ({POINT: len(study)} if study.sweep else {}) | _sizes(coords)
     gzip = study.base.config.store.compression == "gzip"
     return assemble(path, sizes, coords, variables, "gzip" if gzip else None)
 
@@ -638,11 +640,11 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
         name = key.replace("[", ".").replace("]", "")
         attributes = {"long_name": f"{key}, swept", "key": key} | _scale_attributes(study, key)
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-            swept[name] = Variable(("point",), np.array(values), attributes)
+            swept[name] = Variable((POINT,), np.array(values), attributes)
         else:
             plain = all(isinstance(value, str) for value in values)
             texts = values if plain else [json.dumps(v, ensure_ascii=False) for v in values]
-            swept[name] = Variable(("point",), np.array(texts, dtype=object), attributes)
+            swept[name] = Variable((POINT,), np.array(texts, dtype=object), attributes)
     return swept
 
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
-from eqt_cli.base.files import LAW, SHAPE, kind_of
+from eqt_cli.base.files import kind_of
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly
-from eqt_cli.base.stored import Status
+from eqt_cli.base.stored import LAW, SHAPE, Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study

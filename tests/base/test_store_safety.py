@@ -9,9 +9,10 @@ import pytest
 from made_up import Table, write
 
 from eqt_cli.base.errors import ResultError
-from eqt_cli.base.files import FORMAT, SEAL
+from eqt_cli.base.files import SEAL
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Variable
+from eqt_cli.base.stored import FORMAT
 from eqt_cli.base.version import __version__
 
 AGAIN = "copy it again or run the experiment again"
