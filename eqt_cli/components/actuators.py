@@ -50,6 +50,9 @@ from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
 
 
+THRUSTS = "thrusts"
+"""What a law commands, and thrusters take, where the law allocates by itself."""
+
 Needed: TypeAlias = tuple[Array, Any, Any, str]
 """Values that a torque needs, with their limits, and what these are of: ``a rate of``, or ""."""
 
@@ -90,7 +93,7 @@ class Actuator(VehiclePart):
         return False
 
     takes: ClassVar[str] = "torque"
-    """What its command is: a torque, rates, or a dipole."""
+    """What its command is: a torque, rates, a dipole, or thrusts behind a torque."""
 
     changes: ClassVar[bool] = False
     """Whether it is another one at each time or state, see `at`."""

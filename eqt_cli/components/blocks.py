@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, absolute, less, stack, where
 from eqt_cli.components.accelerometer import felt
-from eqt_cli.components.actuators import Actuator, Running, Solving
+from eqt_cli.components.actuators import THRUSTS, Actuator, Running, Solving
 from eqt_cli.components.estimators import Estimator, Measurement, Schedule
 from eqt_cli.components.forces import GRAVITY
 from eqt_cli.components.groups import MatrixLieGroup
@@ -33,6 +33,7 @@ from eqt_cli.components.vehicle import (
     SIGNALS,
     TAKEN,
     Vehicle,
+    command_length,
     estimator_states,
     moving_sensors,
 )
@@ -164,17 +165,25 @@ class Now:
 
 @dataclass(frozen=True)
 class Commands(Block):
-    """The commands on their way, the first to arrive first."""
+    """The commands on their way, the first to arrive first.
+
+    Attributes
+    ----------
+    length
+        Number of entries of a command.
+    """
+
+    length: int
 
     def arrived(self, now: Now) -> Array:
         """Return the command that has arrived."""
-        return now.after(self.name)[COMMANDS][..., : now.s.G.dimension]
+        return now.after(self.name)[COMMANDS][..., : self.length]
 
     def step(self, now: Now, x: Arrays) -> Arrays:
         """Return the commands with that of the law, if it acts."""
-        queue, m = x[COMMANDS], now.s.G.dimension
-        command = now.if_due(CONTROL, now[COMMAND], queue[..., -m:])
-        return {COMMANDS: np.concatenate([queue[..., m:], command], axis=-1)}
+        queue, n = x[COMMANDS], self.length
+        command = now.if_due(CONTROL, now[COMMAND], queue[..., -n:])
+        return {COMMANDS: np.concatenate([queue[..., n:], command], axis=-1)}
 
 
 @dataclass(frozen=True)
@@ -427,9 +436,11 @@ def cut_axes(now: Now, limits: bool) -> Array:
     """
     flags = 0.0 * now.s.P
     for block in now.blocks.actuated if limits else ():
-        u, within = now[f"{block.name}.input"], now[f"{block.name}.at"].within
-        most = 1e-12 * (1 + absolute(u))
-        flags = where(less(most, absolute(u - within(*block.arguments(now)))), 1.0, flags)
+        part = now[f"{block.name}.at"]
+        G, u, x = block.arguments(now)
+        torque = part.requested(u) if part.takes == THRUSTS else u
+        most = 1e-12 * (1 + absolute(torque))
+        flags = where(less(most, absolute(torque - part.within(G, u, x))), 1.0, flags)
     return flags
 
 
@@ -624,7 +635,7 @@ def blocks_of(vehicle: Vehicle, G: MatrixLieGroup, *others: Block) -> Blocks:
 
     velocity, source, control = "", COMMAND, vehicle.control
     if control is not None:
-        blocks.append(Commands("commands", stretches_of(COMMANDS)))
+        blocks.append(Commands("commands", stretches_of(COMMANDS), command_length(vehicle, G)))
         source = "commands.arrived"
     if vehicle.clocks:
         every = {place: clock.every for place, clock in vehicle.clocks.items()}
@@ -676,10 +687,11 @@ def at_start(now: Now) -> dict[str, Array]:
             passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
         elif isinstance(part, Running) and part.runs:
             states[block.name] = part.running(now.s.G, passed)
-        states |= dict.fromkeys(set(block.stretches) & {block.taken}, now[COMMAND])
+        if block.taken in block.stretches:
+            states[block.taken] = now[COMMAND][..., : now.s.vehicle[block.taken].shape[-1]]
     if (queue := now.s.vehicle.get(COMMANDS)) is not None:
-        count = queue.shape[-1] // now.s.G.dimension
+        count = queue.shape[-1] // now[COMMAND].shape[-1]
         states[COMMANDS] = np.concatenate([now[COMMAND]] * count, axis=-1)
     if HELD in now.s.vehicle:
-        states[HELD] = now[COMMAND]
+        states[HELD] = now[COMMAND][..., : now.s.G.dimension]
     return states

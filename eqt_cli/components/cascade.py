@@ -19,6 +19,7 @@ from eqt_cli.components.laws import Controller, Designed, OuterLoop, ReadsLimits
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
+    ROUNDING_OF_A_SQUARE,
     PlantModel,
     RigidMotion,
     attitude,
@@ -267,14 +268,10 @@ class Cascade(OuterLoop, ReadsLimits):
         if self.position.period is not None:
             check_period(self.position.period, plant.period, problems.at("position", "period"))
         along: Any = self.along
-        why = "no thrusters in `actuators` determine the direction of the push"
-        remedy = "give it in the body frame, such as along: [0, 0, -1]"
         if along is None and plant.pushes is not None:
             along = only_direction(plant.pushes)
-            why = "the thrusters push in more than one direction"
-            remedy = "give the one that carries the body, such as along: [0, 0, -1]"
         if along is None:
-            problems.at("along").add(f"missing; {why}", Remedy(remedy))
+            problems.at("along").add(*_missing_along(G, plant.pushes))
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
@@ -602,6 +599,25 @@ class Rate(Controller):
             c = sqrt(2.0 / (1.0 + E[..., 2, 2]))
             e = stack([-c * E[..., 1, 2], c * E[..., 0, 2], c * e[..., 2]])
         return s.V - r.V_tilde + self.kp * e
+
+
+def _missing_along(G: MatrixLieGroup, pushes: Array | None) -> tuple[str, Remedy]:
+    """Return that a push has no direction, and the remedy: that of all rotors together."""
+    total: Any = 0.0 if pushes is None else pushes.sum(axis=1)
+    if (
+        pushes is None
+        or np.linalg.norm(total) <= np.sqrt(ROUNDING_OF_A_SQUARE) * np.abs(pushes).max()
+    ):
+        up = [0] * (rigid(G).space - 1) + [1]
+        down = [-x for x in up]
+        why = "no thrusters in `actuators` determine the direction of the push"
+        return f"missing; {why}", Remedy(
+            f"give it in the body frame: along: {up}, or {down} where the last axis points down"
+        )
+    mean = ", ".join(f"{x:g}" for x in (total / np.linalg.norm(total)).round(4) + 0.0)
+    return "missing; the thrusters push in more than one direction", Remedy(
+        f"give the one that carries the body; all of them together push along: [{mean}]"
+    )
 
 
 def check_flat_output(plant: PlantModel, problems: Problems) -> None:

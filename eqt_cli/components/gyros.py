@@ -26,7 +26,7 @@ from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.thrusters import lost_directions
-from eqt_cli.components.vehicle_parts import Numbers
+from eqt_cli.components.vehicle_parts import Numbers, drawn, is_drawn
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 COUNT, GYRO = 4, "gyro"
@@ -74,6 +74,8 @@ class Gyros(Actuator):
         δ at t = 0, rad. Default: 0.
     damping
         λ of the steering law.
+    told
+        Whether the steering law knows an h that is drawn for a run, in place of its mean.
     """
 
     name: ClassVar[str] = "gyros"
@@ -88,7 +90,9 @@ class Gyros(Actuator):
     limit: Annotated[Numbers | None, Scale("limit of the gimbal rates", "rad/s")] = None
     start: Annotated[Numbers | None, Unit("rad")] = None
     damping: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    told: bool = False
     axes: Any = field(default=None, init=False, repr=False)
+    believed: Any = field(default=None, init=False, repr=False)
     fixed: bool = field(default=False, init=False, repr=False, metadata=STRUCTURE)
 
     @property
@@ -127,6 +131,8 @@ class Gyros(Actuator):
         g = np.sin(tilt) * out + np.cos(tilt) * np.eye(3)[:, 2:]
         part, values = self.drawn(random), {"start": np.zeros(COUNT)}
         values |= of_each(part, OF_EACH, COUNT)
+        if is_drawn(self.momentum) and not self.told:
+            values["believed"] = np.full(COUNT, drawn(self.momentum, None))
         return with_fields(part, axes=np.array([g, s, np.cross(g, s, axis=0)]), **values)
 
     def states(self, G: MatrixLieGroup) -> int:
@@ -152,7 +158,10 @@ class Gyros(Actuator):
 
     def _steered(self, command: Array, A: Array) -> tuple[Array, Array]:
         """Return the commanded rates of the gimbals, without and with their limit."""
-        h2 = (self.momentum * self.momentum).sum(axis=-1)[..., None] / COUNT
+        h = self.momentum
+        if self.believed is not None:
+            h, A = self.believed, (self.believed / h)[..., None, :] * A
+        h2 = (h * h).sum(axis=-1)[..., None] / COUNT
         gram = A @ transpose(A) + (self.damping * h2)[..., None] * np.eye(3)
         wanted = -apply_matrix(transpose(A), apply_matrix(inverse_spd(gram), command[..., :3]))
         return wanted, wanted if self.limit is None else clip(wanted, -self.limit, self.limit)

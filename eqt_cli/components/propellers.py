@@ -78,15 +78,15 @@ class Propellers(Thrusters):
         """Return f and n."""
         return {**super().signals(G, V, command, x), "propeller_speed": x[..., -self.count :]}
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+    def with_allocation(self, G: MatrixLieGroup) -> Self:
         """Return propellers with the limits of their thrusts."""
-        part = self.drawn(random)
-        part = with_fields(part, **of_each(part, ("low", "high", *SPEEDS, *CURVE), self.count))
+        each = of_each(self, ("low", "high", *SPEEDS, *CURVE), self.count)
+        part = with_fields(self, **each)
         if part.low_speed is not None:
             ends = {"low": part.pushed(part.low_speed), "high": part.pushed(part.high_speed)}
             part = with_fields(part, **ends, **dict.fromkeys(SPEEDS))
         neutral = NEUTRAL * np.array(part.high) if part.neutral is None else part.neutral
-        return super(Propellers, with_fields(part, neutral=neutral)).of_run(G, None)
+        return super(Propellers, with_fields(part, neutral=neutral)).with_allocation(G)
 
     def pushed(self, speed: Any) -> Array:
         """Return the thrusts at some speeds."""

@@ -28,13 +28,21 @@ from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.stored import THRUSTER, Signal, signal
-from eqt_cli.components.actuators import Actuator, Needed, Running, Solving, check_members, of_each
+from eqt_cli.components.actuators import (
+    THRUSTS,
+    Actuator,
+    Needed,
+    Running,
+    Solving,
+    check_members,
+    of_each,
+)
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_period, drawn, lowest
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
-from eqt_cli.numbers.rounded import is_exact, pseudo_inverse
+from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse
 
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
@@ -47,6 +55,9 @@ POSITIVE = "time_constant", "weights", "thrust_constant", "moment_constant", "ro
 
 SMALLEST = 1e-10
 """Largest singular value of B, relative to the largest of all, that counts as 0."""
+
+ALL = 0.995
+"""Share of a torque from which on all of it arrives."""
 
 NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
@@ -216,7 +227,8 @@ class Thrusters(Solving, Running):
         The share of the commanded thrust that all thrusters give as the battery empties, an
         expression in t.
     told
-        Whether the allocation knows `fails` and `sag`; it then uses B⁺ of the remaining columns.
+        Whether the allocation knows `fails` and `sag`, and then uses B⁺ of the remaining columns;
+        and whether it knows the numbers that are drawn for a run, in place of their means.
     jets
         `{minimum: 20 ms, every: 0.1 s}`: on-off thrusters, driven by pulses.
     isp
@@ -225,6 +237,7 @@ class Thrusters(Solving, Running):
     weights
         The allocation minimises the sum of weight · thrust².
     allocation
+        Of a law that commands torques and a push along one axis, B has these rows alone.
         `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits, which changes the torque
         in every direction. `bounded`: thrusts within the limits whose torque is nearest to the
         command in least squares, N m and N weighted equally: a light body loses torque. `{kind:
@@ -273,6 +286,37 @@ class Thrusters(Solving, Running):
     faces: Any = field(default=(), init=False, repr=False)
     scale: Any = field(default=None, init=False, repr=False)
     passed: Any = field(default=None, init=False, repr=False)
+    wanted: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
+    """The directions in which a law commands a torque, as rows; None for all."""
+    direct: bool = field(default=False, init=False, repr=False, metadata=STRUCTURE)
+    """Whether the law commands thrusts."""
+    believed: Any = field(default=None, init=False, repr=False)
+    """The thrusters as the allocation knows them; None where it knows all of their numbers."""
+
+    @property
+    def takes(self) -> str:  # type: ignore[override]  # a constant of other actuators
+        """What the command is: a torque, or thrusts behind one."""
+        return THRUSTS if self.direct else "torque"
+
+    def commanded(self, G: MatrixLieGroup, directions: Array, direct: bool) -> Self:
+        """Return the thrusters of a law that commands torques in some directions, or thrusts.
+
+        These are the same for a law in whose directions alone they push.
+        """
+        B = self.columns(G)
+        beside = B - directions.T @ (directions @ B)
+        is_all = not len(directions) or np.abs(beside).max() <= SMALLEST * np.abs(B).max()
+        if isinstance(self.allocation, Priority) and len(directions):  # whose directions have names
+            is_all = is_all and ((directions != 0.0).sum(axis=1) == 1).all()
+        if is_all and not direct:
+            return self
+        rows = None if is_all else tuple(map(tuple, directions.tolist()))
+        return with_fields(self, direct=direct, wanted=rows)
+
+    @property
+    def model(self) -> Any:
+        """The thrusters as the allocation knows them."""
+        return self if self.believed is None else self.believed
 
     @property
     def limits(self) -> bool:
@@ -297,12 +341,12 @@ class Thrusters(Solving, Running):
     @property
     def solves(self) -> int:
         """The number of thrusts that code outside the engines finds."""
-        return self.count * (self.allocation == "bounded")
+        return self.count * (self.allocation == "bounded" and not self.direct)
 
     @property
     def by_processor(self) -> bool:
         """Whether LAPACK takes part in the allocation."""
-        chosen = self.passed is not None or self.allocation != "pseudo_inverse"
+        chosen = self.model.passed is not None or self.allocation != "pseudo_inverse"
         return chosen or not is_exact(np.asarray(self.matrix))
 
     @property
@@ -315,7 +359,7 @@ class Thrusters(Solving, Running):
         """The thrusters without limits: B of full rank then gives the command, up to the lag."""
         if not self.limits:
             return self
-        limits = dict.fromkeys(("low", "high", *SPEEDS, "scale", "jets"))
+        limits = dict.fromkeys(("low", "high", *SPEEDS, "scale", "jets", "believed"))
         return with_fields(self, **limits, allocation="pseudo_inverse", groups=(), faces=())
 
     @cached_property
@@ -342,7 +386,9 @@ class Thrusters(Solving, Running):
     @property
     def ranges(self) -> Mapping[str, tuple[Any, Any]]:
         """The least and largest thrusts, but not of jets."""
-        return {"thrust": (self.low, self.high)} if self.limits and self.jets is None else {}
+        if not self.limits or self.jets is not None:
+            return {}
+        return {"thrust": (self.received(self.low), self.received(self.high))}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return the thrust of each thruster."""
@@ -366,37 +412,72 @@ class Thrusters(Solving, Running):
         return np.stack([each.wrench(G, ratio) for each, ratio in places], axis=-1)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the thrusters of a run, with the allocation of those of the means.
+
+        Limits are those of commanded thrusts: a rotor that gives less than is believed reaches its
+        largest speed at a larger command.
+        """
+        drawn = self.drawn(random)
+        part = drawn.with_allocation(G)
+        if self.told or not self.varies:
+            return part
+        model = with_fields(self.drawn(None), weights=drawn.weights).with_allocation(G)
+        ends = {name: x for name in ("low", "high") if (x := getattr(part, name)) is not None}
+        if self.thrust_constant is not None:
+            ends = {name: model.pushed(part.followed(end)) for name, end in ends.items()}
+        unused = {"faces": (), **dict.fromkeys(("passed", "turned", "scale"))}
+        return with_fields(part, **unused, **ends, inverse=model.inverse, believed=model)
+
+    def with_allocation(self, G: MatrixLieGroup) -> Self:
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
-        part = self.drawn(random)
-        B = part.columns(G)
+        B = self.columns(G)
         names = "low", "high", "time_constant", "thrust_constant", "isp", *SPEEDS
-        values = of_each(part, names, self.count)
+        values = of_each(self, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
             if speed in values:
                 values[name] = values["thrust_constant"] * values.pop(speed) ** 2
-        scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
-        inverse, limited = allocation(B, part.least, scale)
+        scale = 1 / np.sqrt(np.ones(self.count) * np.array(self.weights or 1.0, dtype=float))
+        rows, directions = self.asked_rows(G, B)
+        inverse, limited = self._allocated(rows, scale)
         values |= {"matrix": B, "inverse": inverse, "passed": limited}
-        values |= part._changing(B, scale, inverse)
-        if part.rotor_inertia is not None:
+        values |= self._changing(rows, scale, inverse)
+        if self.rotor_inertia is not None:
             axes = B[3:] / np.linalg.norm(B[3:], axis=0)
-            sides = -np.sign([thruster.turns for thruster in part.thrusters or ()])
-            spin = axes * sides * np.array(part.rotor_inertia)
+            sides = -np.sign([thruster.turns for thruster in self.thrusters or ()])
+            spin = axes * sides * np.array(self.rotor_inertia)
             values["spin"] = np.concatenate([spin, 0.0 * axes])
         if self.solves:
             values["scale"] = scale
-        if isinstance(self.allocation, Priority):
+        problems = Problems()
+        self.check_order(G, problems)
+        if isinstance(self.allocation, Priority) and not problems:  # it may fit other directions
             groups = [
-                tuple(axis for word in _listed(group) for axis in _axes(word, G.directions, B))
+                tuple(axis for word in _listed(group) for axis in _axes(word, directions, rows))
                 for group in self.allocation.order
             ]
-            rows: Array = B[[*chain(*groups)]]
+            rows = rows[[*chain(*groups)]]
             null: Array = unreachable(rows.T) / scale**2  # times the least thrusts: 0
             values |= {"groups": (*groups, *((),) * len(null)), "passed": None}
             values["faces"] = _faces(np.concatenate([rows, null]), values["low"], values["high"])
         used = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
-        return with_fields(part, thrusters=named, **used, **values)
+        return with_fields(self, thrusters=named, **used, **values)
+
+    def asked_rows(self, G: MatrixLieGroup, B: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the rows W B in the directions of the law, and their names.
+
+        A row of W along an axis has the name of this axis, any other one is a `force`.
+        """
+        if self.wanted is None:
+            return B, G.directions
+        axes = [np.flatnonzero(row) for row in np.array(self.wanted)]
+        names = [G.directions[each[0]] if len(each) == 1 else "force" for each in axes]
+        return product(np.array(self.wanted), B), tuple(names)
+
+    def _allocated(self, rows: Array, scale: Array) -> tuple[Array, Array | None]:
+        """Return the inverse from a torque, ``(k, m)``, and what passes of the rows."""
+        inverse, passed = allocation(rows, self.least, scale)
+        return inverse if self.wanted is None else product(inverse, np.array(self.wanted)), passed
 
     @property
     def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
@@ -408,14 +489,14 @@ class Thrusters(Solving, Running):
         """The thrusters that do not fail, and whose battery does not sag."""
         return with_fields(self, **dict.fromkeys(CHANGING), over_time=())
 
-    def _changing(self, B: Array, scale: Array, inverse: Array) -> dict[str, Any]:
+    def _changing(self, rows: Array, scale: Array, inverse: Array) -> dict[str, Any]:
         """Return the share of all and the failure over time, and what it takes from each."""
         if not self.changes:
             return {}
         fails, lost = self.fails or Failure(1, 0.0, 1.0), np.zeros(self.count)
         lost[self._number(fails.rotor)] = fails.to - 1.0
         steps = formula(1.0 if self.sag is None else self.sag), formula(f"step(t, {fails.at!r})")
-        after = allocation(B * (1.0 + lost), self.least, scale)[0] if self.told else inverse
+        after = self._allocated(rows * (1.0 + lost), scale)[0] if self.told else inverse
         return {"over_time": steps, "lost": lost, "turned": after - inverse}
 
     def _number(self, rotor: int | str) -> int:
@@ -461,11 +542,24 @@ class Thrusters(Solving, Running):
 
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return B times the solved thrusts, or the command and what limits take from B⁺ of it."""
-        B: Any = self.matrix
-        thrusts = self._commanded(command, x)
+        B, thrusts = self.model.matrix, self._commanded(command, x)
         if self.sampled:
             return apply_matrix(B, thrusts)
-        return command + apply_matrix(B, thrusts - apply_matrix(self.inverse, command))
+        return self.requested(command) + apply_matrix(B, thrusts - self._unlimited(command))
+
+    def requested(self, command: Array) -> Array:
+        """Return the torque that is asked for; of a law that commands thrusts, what they give."""
+        if not self.direct:
+            return command
+        thrusts = command[..., -self.count :]
+        return command[..., : -self.count] + apply_matrix(self.model.matrix, thrusts)
+
+    def _unlimited(self, command: Array) -> Array:
+        """Return the thrusts that are asked for: those of the law, and B⁺ of the torque."""
+        if not self.direct:
+            return apply_matrix(self.inverse, command)
+        allocated = apply_matrix(self.inverse, command[..., : -self.count])
+        return command[..., -self.count :] + allocated
 
     def allowed(self, G: MatrixLieGroup, command: Array) -> Array | None:
         """Return what the limits leave of a command; None if code outside finds the thrusts."""
@@ -475,7 +569,7 @@ class Thrusters(Solving, Running):
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
-            return self._left(self._opened(command, x))
+            return self._left(self.received(self._opened(command, x)))
         x = x[..., -self.count :]
         return x if self.thrust_constant is None else self.pushed(x)
 
@@ -486,8 +580,11 @@ class Thrusters(Solving, Running):
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
-        thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
-        followed = self.followed(self._left(thrusts))
+        if self.sampled:
+            thrusts = self._limited(self.solution(G, command))
+        else:
+            thrusts = self._commanded(command, command)
+        followed = self.model.followed(self._left(thrusts))
         return np.concatenate([thrusts] * self.sampled + [followed], axis=-1)
 
     def followed(self, thrusts: Array) -> Array:
@@ -498,11 +595,21 @@ class Thrusters(Solving, Running):
         # Native takes a step past the limit at 0 before it ends it there: no root of less than 0.
         return sqrt(sqrt(thrusts * thrusts) / self.thrust_constant)
 
+    def received(self, thrusts: Any) -> Any:
+        """Return the thrusts of rotors that are told the speeds of the believed ones."""
+        if self.believed is None or self.thrust_constant is None:
+            return thrusts
+        return self.pushed(self.believed.followed(thrusts))
+
+    def _limited(self, solution: Array) -> Array:
+        """Return solved thrusts within the limits, which may be others than the believed ones."""
+        return solution if self.believed is None else clip(solution, self.low, self.high)
+
     def _commanded(self, command: Array, x: Array) -> Array:
         """Return the commanded thrusts, within the limits."""
         if self.sampled:
             return x[..., : self.count]
-        thrusts = apply_matrix(self.inverse, command)
+        thrusts = self._unlimited(command)
         return clip(thrusts, self.low, self.high) if self.limits else thrusts
 
     def _opened(self, command: Array, x: Array) -> Array:
@@ -513,29 +620,40 @@ class Thrusters(Solving, Running):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for what changes at the next instant."""
         thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
-        rates = [(self.followed(thrusts) - lagging) / self.time_constant] if self.moves else []
+        followed = self.model.followed
+        rates = [(followed(thrusts) - lagging) / self.time_constant] if self.moves else []
         return np.concatenate([0.0 * x, *rates], axis=-1)[..., -self.states(G) :]
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""
         if not self.sampled:
             return x
-        thrusts = command if self.solves else self.solution(G, command)
+        thrusts = self._limited(command if self.solves else self.solution(G, command))
         k, lagging = self.count, x[..., self.states(G) - self.count * self.moves :]
         jets = x[..., :0]
         if self.jets is not None:
-            jets = self.jets.after(thrusts / self.high, x[..., k : 4 * k], period)
+            jets = self.jets.after(thrusts / self.model.high, x[..., k : 4 * k], period)
         return np.concatenate([thrusts, jets, lagging], axis=-1)
 
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return thrusts within limits: by priority, or with the torque nearest to the command."""
+        if self.direct:
+            return clip(self._unlimited(command), self.low, self.high)
+        if self.believed is not None:
+            thrusts: Array = self.believed.solution(G, command)
+            return thrusts
+        B: Any = self.matrix
+        free = apply_matrix(self.inverse, command)
+        if self.wanted is not None:
+            W = np.array(self.wanted)
+            command, B = apply_matrix(W, command), W @ B
         if self.groups:
             inverse, *faces = self.faces
             met = _by_priority(command, self.groups, faces)
             return clip(apply_matrix(inverse, met), self.low, self.high)
         command = command if self.passed is None else apply_matrix(self.passed, command)
-        solve = np.vectorize(_nearest, [float], signature="(m),(m,k),(k,m),(k),(k),(k)->(k)")
-        thrusts: Array = solve(command, self.matrix, self.inverse, self.scale, self.low, self.high)
+        solve = np.vectorize(_nearest, [float], signature="(m),(m,k),(k),(k),(k),(k)->(k)")
+        thrusts = solve(command, B, free, self.scale, self.low, self.high)
         return thrusts
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
@@ -543,10 +661,13 @@ class Thrusters(Solving, Running):
         if not self.limits:
             return None
         if self.sampled:
-            room, high = (NEAR * (1 + absolute(end)) for end in (self.low, self.high))
-            low = self.low + (room if self.jets is None else -room)
-            return outside(x[..., : self.count], low, self.high - high)
-        return outside(apply_matrix(self.inverse, command), self.low, self.high)
+            low, high, known = self.low, self.high, self.believed
+            if known is not None:
+                low, high = maximum(low, known.low), -maximum(-high, -known.high)  # type: ignore[operator]
+            below, above = (NEAR * (1 + absolute(end)) for end in (low, high))
+            low = low + (below if self.jets is None else -below)
+            return outside(x[..., : self.count], low, high - above)
+        return outside(self._unlimited(command), self.low, self.high)
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return thrusts and their limits; None if bounded, where other thrusts may do."""
@@ -555,8 +676,21 @@ class Thrusters(Solving, Running):
         return apply_matrix(self.inverse, torque), self.low, self.high, ""
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
-        """Yield remarks on the directions in which thrusts push not at all, or hardly."""
-        yield from lost_directions(G, wanted, wanted @ self.columns(G), self.least, self.name)
+        """Yield remarks on what a law asks for and is not given, and on what else it is given."""
+        B = self.columns(G)
+        rows = wanted @ B
+        yield from lost_directions(G, wanted, rows, self.least, self.name)
+        inverse = allocation(rows, self.least, np.ones(self.count))[0]
+        beside = (B - wanted.T @ rows) @ inverse
+        size = np.abs(B).max() * np.abs(inverse).max()
+        of_each = [
+            (_in_words(more.round(9), G.axis_names, True), _in_words(row, G.axis_names, True))
+            for row, more in zip(wanted, beside.T, strict=True)
+            if np.abs(more).max() > np.sqrt(SMALLEST) * size
+        ]
+        if of_each:
+            words = ", ".join(f"{more} with 1 {axis}" for more, axis in of_each)
+            yield f"push along other directions, too, in N and N m: {words}"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid matrix or invalid places, and numbers that do not fit them."""
@@ -581,16 +715,17 @@ class Thrusters(Solving, Running):
             check_limits(getattr(self, low), getattr(self, high), problems, names)
         if self.sampled and not self.limits and not problems:
             problems.add(f"{self.acting_at_instants} needs limits; give low and high")
-        if not problems:
-            self._check_order(G, problems.at("allocation", "order"))
 
-    def _check_order(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note directions that are unknown, twice there, left out, or that nothing pushes along."""
+    def check_order(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note directions that are unknown, twice there, left out, or that nothing pushes along.
+
+        They are those in which the law commands a torque.
+        """
         if not isinstance(self.allocation, Priority):
             return
         if self.count > MOST:
             problems.add(f"expected at most {MOST} thrusters, got {self.count}; use bounded")
-        B, names, named = self.columns(G), G.directions, list[int]()
+        (B, names), named = self.asked_rows(G, self.columns(G)), list[int]()
 
         def pushes(axis: int) -> bool:
             return not len(unreachable(B[[*named, axis]], self.least))
@@ -630,7 +765,7 @@ class Thrusters(Solving, Running):
                 if not 0 < now <= 1:
                     got = f"expected a share of the thrust, above 0 and up to 1, got {now:g} at 0 s"
                     raise InputError(got, Remedy("for example 1 - 0.02*t"))
-        if self.told and self.sampled:
+        if self.told and self.sampled and self.changes:
             problems.at("told").add(
                 "needs allocation: pseudo_inverse; no other adapts to a failure"
             )
@@ -747,17 +882,25 @@ def lost_directions(
 ) -> Iterator[str]:
     """Yield remarks on the wanted directions, ``(k, m)``, in which little or nothing pushes."""
     lost, weak = unreachable(B), unreachable(B, least)
+    shares = np.diagonal(B @ allocation(B, least, np.ones(B.shape[1]))[0])
+    parts = [
+        f"{_in_words(row, G.axis_names)} {100 * share:.2g} %"
+        for row, share in zip(wanted, shares.tolist(), strict=True)
+        if np.sqrt(SMALLEST) < share < ALL
+    ]
+    arrives = f"; of what it asks along one axis alone arrives {', '.join(parts)}" if parts else ""
     if len(lost):
         named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
         rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
-        yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
+        yield f"with {rank} cannot push along {named}; what a law asks for there is lost{arrives}"
+        arrives = ""
     if len(weak) > len(lost):
         weak /= np.abs(weak).max(axis=1, keepdims=True)
         named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
         yield (
             f"push along {named} with less than {least:g} of their strength elsewhere (the rows "
-            "of B divided by their norms), which is given up: what a law asks for there is lost; "
-            f"add {actuators}, or set a smaller least"
+            "of B divided by their norms), which is given up: what a law asks for there is lost"
+            f"{arrives}; add {actuators}, or set a smaller least"
         )
 
 
@@ -789,27 +932,27 @@ def unreachable(B: Array, least: float = SMALLEST) -> Array:
     return np.where(np.abs(rows) < np.sqrt(SMALLEST), 0.0, rows)
 
 
-def _in_words(direction: Array, names: Sequence[str]) -> str:
+def _in_words(direction: Array, names: Sequence[str], signed: bool = False) -> str:
     """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``.
 
-    Its first number that is not 0 is 1.
+    Unless it is `signed`, its first number that is not 0 is 1.
     """
     words = ""
     for number, name in zip(direction.tolist(), names, strict=True):
         if number:
-            sign = (" − " if number < 0 else " + ") if words else ""
+            sign = (" − " if number < 0 else " + ") if words else "−" * (signed and number < 0)
             size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
             words += f"{sign}{size}{name}"
     return words
 
 
-def _nearest(
-    command: Array, B: Array, inverse: Array, scale: Array, low: Array, high: Array
-) -> Array:
-    """Return the thrusts within limits whose torque is nearest to a command."""
+def _nearest(command: Array, B: Array, free: Array, scale: Array, low: Array, high: Array) -> Array:
+    """Return the thrusts within limits whose torque is nearest to a command.
+
+    `free` are those without limits.
+    """
     if not np.isfinite(command).all():
         return np.full(len(low), np.nan)
-    free: Array = inverse @ command
     if (free >= low).all() and (free <= high).all():
         return free
     from scipy.optimize import lsq_linear  # slow to import

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.stored import THRUSTER, WHEEL, Signal
-from eqt_cli.components.actuators import Actuator, Solving
+from eqt_cli.components.actuators import THRUSTS, Actuator, Solving
 from eqt_cli.components.estimators import Deviations, Estimator, Schedule
 from eqt_cli.components.forces import Force, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
@@ -362,13 +362,15 @@ class Vehicle:
         lengths |= {PROPELLANT: 1} if self.burns else {}
         if self.control is None:
             return lengths
-        held = {HELD: G.dimension} if self._at_instants else {}
+        held, command = {HELD: G.dimension} if self._at_instants else {}, command_length(self, G)
         moving = enumerate(self.moving_sensors)
         measured = {f"{SENSOR}_{k}": sensor.states(G) for k, sensor in moving}
         measured |= {channel.name: channel.states for channel in self.holding(G)}
-        commands = {COMMANDS: (self.control.delay + 1) * G.dimension}
+        commands = {COMMANDS: (self.control.delay + 1) * command}
         if self.clocks:
-            held |= {f"{place}_{TAKEN}": G.dimension for place in self.clocks if place != CONTROL}
+            for place, part in self._chain():
+                if place in self.clocks:
+                    held[f"{place}_{TAKEN}"] = command if part.takes == THRUSTS else G.dimension
             held[CLOCKS] = len(self.clocks)
         return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
 
@@ -413,6 +415,24 @@ class Vehicle:
         if self.inertia is None:
             return s.inertia
         return self.inertia.at(s.inertia, s.t)
+
+
+def taking_thrusts(vehicle: Vehicle) -> Any:
+    """Return the thrusters to which the law commands thrusts; None where it commands a torque."""
+    return next((part for part in vehicle.actuators if part.takes == THRUSTS), None)
+
+
+def command_length(vehicle: Vehicle, G: MatrixLieGroup) -> int:
+    """Return the number of entries of a command: a torque, and the thrusts behind it, if any."""
+    rotors = taking_thrusts(vehicle)
+    return G.dimension + (0 if rotors is None else rotors.count)
+
+
+def requested_torque(vehicle: Vehicle, command: Array) -> Array:
+    """Return the torque that a command asks for, ``(..., m)``; of thrusts, what they give."""
+    rotors = taking_thrusts(vehicle)
+    torque: Array = command if rotors is None else rotors.requested(command)
+    return torque
 
 
 def moving_sensors(

@@ -40,7 +40,7 @@ from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.references import check_expressions
 from eqt_cli.components.thrusters import allocation, lost_directions
-from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.components.vehicle_parts import Numbers, check_numbers, drawn, is_drawn
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse, rounded
@@ -155,6 +155,8 @@ class Wheels(Actuator):
         `{viscous: …, coulomb: …, static: …, breakaway: …}`; needs `inertia`.
     command
         `torque`, or `speed` for drives that track a speed; needs `inertia`, `gain`.
+    told
+        Whether the speeds are computed with a J_w that is drawn for a run, in place of its mean.
     gain
         g of the drives, N m s (per rad): a speed is tracked with a lag of J_w/g.
     ki
@@ -186,12 +188,15 @@ class Wheels(Actuator):
     command: Literal["torque", "speed"] = "torque"
     gain: Annotated[Numbers | None, Scale("gain of the drives", "N m s")] = None
     ki: Annotated[Numbers | None, Scale("integral gain of the drives", "N m")] = None
+    told: bool = False
     moves: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
     matrix: Any = field(default=None, init=False, repr=False)
     inverse: Any = field(default=None, init=False, repr=False)
     faces: Any = field(default=(), init=False, repr=False)
     rubbing: Any = field(default=None, init=False, repr=False)
     pulled: Any = field(default=None, init=False, repr=False)
+    surplus: Any = field(default=None, init=False, repr=False)
+    """J_w relative to that with which the speeds are computed; None for 1."""
 
     @property
     def limits(self) -> bool:
@@ -273,6 +278,8 @@ class Wheels(Actuator):
         values = {"start": np.zeros(self.count)} | of_each(part, OF_EACH, self.count)
         if self.changes:
             values.setdefault("ki", np.zeros(self.count))
+            if is_drawn(self.inertia) and not self.told:
+                values["surplus"] = values["inertia"] / np.array(drawn(self.inertia, None))
         if "speed" in values:
             values["momentum"] = values["inertia"] * values.pop("speed")
         values |= {"matrix": A, "inverse": allocation(A, part.least, np.ones(self.count))[0]}
@@ -388,7 +395,10 @@ class Wheels(Actuator):
         u = self.torques(command, x)
         rates = [0.0 * u] * self.sampled
         if self.changes:
-            rates += [u - self._wanted(command, x), self._drives(x)[0]]
+            wanted = self._wanted(command, x)
+            if self.surplus is not None:
+                wanted = self.surplus * wanted
+            rates += [u - wanted, self._drives(x)[0]]
         return np.concatenate([*rates, *[-u] * self.moves], axis=-1)
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
@@ -414,7 +424,8 @@ class Wheels(Actuator):
             return x
         h, most = self._limited_h(x), self.momentum
         u = self._within(self._commanded(command, x))
-        u = clip(u, (h - most) / period, (h + most) / period)
+        step = period if self.surplus is None else period * self.surplus
+        u = clip(u, (h - most) / step, (h + most) / step)
         return np.concatenate([u, x[..., self.count :]], axis=-1)
 
     def _limited_h(self, x: Array) -> Array:

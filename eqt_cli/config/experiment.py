@@ -21,9 +21,9 @@ from eqt_cli.base.arrays import Array, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.stored import distinct_titles
+from eqt_cli.base.stored import THRUSTER, distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
-from eqt_cli.components.actuators import nominal
+from eqt_cli.components.actuators import THRUSTS, nominal
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
@@ -298,7 +298,11 @@ class Start:
         return self.poses.draw_of_run(G, random, run), self.velocities.draw_of_run(G, random, run)
 
 
-TAKEN_BY = {"rates": "{kind: rate_loop, bandwidth: 40}", "dipole": "{kind: magnetorquers, …}"}
+TAKEN_BY = {
+    "rates": "{kind: rate_loop, bandwidth: 40}",
+    "dipole": "{kind: magnetorquers, …}",
+    THRUSTS: "{kind: thrusters, …}",
+}
 """The actuators of commands other than a torque."""
 
 
@@ -426,7 +430,9 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     assert inertia
     laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
     known = sections.known_forces(config, vehicle, G)
-    laws, desired = with_model(config, laws, gains, G, inertia, vehicle, known, desired, problems)
+    laws, vehicles, desired = with_model(
+        config, laws, gains, G, inertia, vehicle, known, desired, problems
+    )
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
     sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
     for law in laws.values():
@@ -435,18 +441,20 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     config = with_runs_of(config, start, problems)
     problems.raise_if_any()
     assert start
-    unfelt = vehicle
+    felt = [label for label, law in laws.items() if reads_specific_force(law.law)]
     if vehicle.more_sensors[1]:  # other laws do not pay for an accelerometer
         bare = vehicle.more_sensors[0], ()
-        unfelt = replace(vehicle.configured or vehicle, more_sensors=bare).of_run(G)
-        if not any(reads_specific_force(law.law) for law in laws.values()):
+        parts = {id(each): each.configured or each for each in vehicles.values()}
+        unfelt = {k: replace(each, more_sensors=bare).of_run(G) for k, each in parts.items()}
+        vehicles = {k: v if k in felt else unfelt[id(v)] for k, v in vehicles.items()}
+        if not felt:
             problems.at("sensors", "accelerometer").add(
                 "is read by no law; write `linear: accelerometer` in one of kind indi, or remove it"
             )
     loops = {
         label: ClosedLoop(
             *(G, inertia, gains[label], desired.reference, law.law),
-            vehicle if reads_specific_force(law.law) else unfelt,
+            vehicles[label],
             task=task,
             known_forces=known if law.known_forces and law.law.counteracts else (),
         )
@@ -599,9 +607,13 @@ def with_model(
     known: tuple[Force, ...],
     desired: DesiredTrajectory,
     problems: Problems,
-) -> tuple[dict[str, Law], DesiredTrajectory]:
-    """Return the laws and the reference with what they know of the plant."""
+) -> tuple[dict[str, Law], dict[str, Vehicle], DesiredTrajectory]:
+    """Return the laws and the reference with what they know of the plant, and a vehicle for each.
+
+    Its allocation is that of the directions in which the law commands a torque.
+    """
     laws, pushes, directions = dict(laws), vehicle.pushes(G), list[Any]()
+    vehicles = dict[str, Vehicle]()
     acts, model = config.plant, config.model
     acting = acts is not None and acts.forces and not (model and model.forces == "plant")
     plant = PlantModel(
@@ -613,16 +625,20 @@ def with_model(
         desired.reference.flat_output(G, 0.0),
         None,
         vehicle.control.period if vehicle.control else None,
-        tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators),
+        _known(G, vehicle),
         isinstance(desired.reference, ClosedReference),
         vehicle,
     )
-    takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
     for label, entry in laws.items():
         here = problems.at("controllers", entry.index)
         of_law = plant if entry.known_forces else plant._replace(forces=())
         of_law = of_law._replace(follows=dict.fromkeys(entry.followed, gains[label]))
         laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
+        vehicles[label] = flown = commanded(laws[label].law, G, vehicle, problems)
+        if flown is not vehicle and not problems:  # what its limits leave depends on that
+            of_law = of_law._replace(actuators=_known(G, flown), vehicle=flown)
+            laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
+        takes = next((a.takes for a in flown.actuators if a.takes != "torque"), "torque")
         commands = entry.law.commands
         if commands and commands != takes:
             which = takes if commands == "torque" else commands
@@ -633,7 +649,7 @@ def with_model(
         directions.append(push)
         task_of(config.task).check_push(push, problems.at("task"))
     if problems:
-        return laws, desired
+        return laws, vehicles, desired
     along = next(filter(None, directions), None)
     if along is None and pushes is not None:
         along = only_direction(pushes)
@@ -642,7 +658,34 @@ def with_model(
     if reference is not desired.reference:
         pose, velocity = reference.initial(G, desired.pose, desired.velocity)
         desired = replace(desired, reference=reference, pose=pose, velocity=velocity)
-    return laws, desired
+    return laws, vehicles, desired
+
+
+def _known(G: MatrixLieGroup, vehicle: Vehicle) -> tuple[Any, ...]:
+    """Return the actuators as laws know them: of the means, without failures."""
+    return tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators)
+
+
+def commanded(law: Controller, G: MatrixLieGroup, vehicle: Vehicle, problems: Problems) -> Vehicle:
+    """Return the vehicle whose thrusters are allocated, or commanded, as a law asks for it."""
+    if problems:
+        return vehicle
+    base, directions = vehicle.configured or vehicle, law.directions(G)
+    direct, actuators = law.commands == THRUSTS, list[Any](base.actuators)
+    for index, part in enumerate(actuators):
+        if THRUSTER not in part.members:
+            continue
+        actuators[index] = part = part.commanded(G, directions, direct)
+        here = problems.at(ACTUATORS, index)
+        part.check_order(G, here.at("allocation", "order"))
+        if direct and index:
+            here.add(
+                "a law commands their thrusts, which pass no other actuator before them; list them "
+                "first"
+            )
+    if all(map(is_, actuators, base.actuators)):
+        return vehicle
+    return replace(base, actuators=tuple(actuators)).of_run(G)
 
 
 def start_from(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import cache
 from math import log
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -83,10 +83,7 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     yield from (
         (("initial", "file"), text) for text in getattr(experiment.start.poses, "notes", ())
     )
-    wanted = max((loop.controller.directions(G) for loop in loops), key=len)
-    for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
-        for text in actuator.remarks(G, wanted):
-            yield (ACTUATORS, index), f"{actuator.name} {text}"
+    yield from _actuator_remarks(experiment)
     now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
     now = now if true is None else true.at(now, 0.0)
     section = "plant" if plant and plant.forces else "model"
@@ -110,6 +107,24 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
             f"no sensor measures the {part}, so the error of its estimate "
             "grows without bound; add an entry for it to sensors.pose",
         )
+
+
+def _actuator_remarks(experiment: Experiment) -> Placed:
+    """Yield what each law is not given; with the laws, where they ask for other directions."""
+    G, alike = experiment.group, dict[tuple[Any, ...], list[str]]()
+    for label, loop in experiment.loops.items():
+        rows = tuple(map(tuple, loop.controller.directions(G).tolist()))
+        alike.setdefault(rows, []).append(label)
+    texts = dict[tuple[int, str], list[str]]()
+    for rows, labels in alike.items():
+        parts = experiment.loops[labels[0]].vehicle.actuators
+        for index, actuator in enumerate(parts if rows else ()):
+            for text in actuator.remarks(G, np.array(rows)):
+                texts.setdefault((index, f"{actuator.name} {text}"), []).extend(labels)
+    for (index, text), labels in texts.items():
+        names = ", ".join(experiment.titles[label] for label in labels)
+        of_all = len(labels) == sum(len(labels) for rows, labels in alike.items() if rows)
+        yield (ACTUATORS, index), text if of_all else f"{text} ({names})"
 
 
 def _force_remarks(

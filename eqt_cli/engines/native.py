@@ -27,6 +27,7 @@ from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import CodeCall, RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
+from eqt_cli.components.vehicle import command_length
 from eqt_cli.engines import compiler, library
 from eqt_cli.engines.engine import (
     SUSPECT,
@@ -237,7 +238,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         solved = inputs["solved"][None] if "solved" in inputs else None
         return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
-    m = loop.group.dimension
+    commands = command_length(loop.vehicle, loop.group)
     inputs = inputs_of(loop, loop.state_length)
     measured = inputs | ({"errors": sum(lengths)} if lengths else {})
     remembered = sum(loop.controller.memory(loop.group).values())
@@ -246,7 +247,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         return InstantPrograms(
             traced(law_input, measured),
             None if code else law_program(loop),
-            traced(after, inputs | {"torque": m, "memory": remembered} | solved),
+            traced(after, inputs | {"torque": commands, "memory": remembered} | solved),
         )
 
 
@@ -442,7 +443,8 @@ class Lanes(Integrator):
         memory = [place for name, place in slices if name.startswith(CONTROLLER)]
         length = sum(place.stop - place.start for place in memory)
         states = outputs.get("state", self._whole).reshape(self._whole.shape)
-        torques, memories = np.zeros((count, loop.group.dimension)), np.empty((count, length))
+        commands = command_length(loop.vehicle, loop.group)
+        torques, memories = np.zeros((count, commands)), np.empty((count, length))
         walk.set(
             code=ctypes.cast(call.function, ctypes.c_void_p).value,
             begins=call.begins,

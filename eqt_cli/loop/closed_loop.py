@@ -34,7 +34,15 @@ from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.tasks import TRACK, Task
-from eqt_cli.components.vehicle import COMMANDS, CONTROL, LOST, SIGNALS, Vehicle, moving_sensors
+from eqt_cli.components.vehicle import (
+    COMMANDS,
+    CONTROL,
+    LOST,
+    SIGNALS,
+    Vehicle,
+    command_length,
+    moving_sensors,
+)
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
@@ -158,9 +166,12 @@ class ClosedLoop:
     # Quantities for certificates, metrics and figures.
 
     def command(self, s: Tracking) -> Array:
-        """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
+        """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``.
+
+        Behind it are the thrusts of a law that commands these.
+        """
         if self.vehicle.control is not None:
-            return s.vehicle[COMMANDS][..., -self.group.dimension :]
+            return s.vehicle[COMMANDS][..., -command_length(self.vehicle, self.group) :]
         return s.command(self.law.torque(s))
 
     @cached_property
@@ -448,7 +459,7 @@ class ClosedLoop:
         force = known_force(self, inputs.t, inputs.pose)
         s = inputs.tracking(self.group, self.inertia, self.gains, memory, force)
         torque, later = self.law.answer(s, period)
-        return s.command(torque) + 0.0 * inputs.velocity, dict(later)
+        return s.command(torque) + 0.0 * inputs.velocity[..., :1], dict(later)
 
     def after_answer(
         self, t: Any, state: Array, torque: Array, memory: Arrays, solved: Array | None = None
@@ -492,10 +503,10 @@ class ClosedLoop:
 
         `rows` is the law's `code_rows` where an engine has computed it.
         """
-        acts = self.blocks.due(_of(VEHICLE, self.layout.split(state)), CONTROL)
-        memory = self.memory(state)
+        held = _of(VEHICLE, self.layout.split(state))
+        acts, memory = self.blocks.due(held, CONTROL), self.memory(state)
         if acts is not None and not acts.any():  # all runs have the same clocks
-            return 0.0 * inputs.velocity, memory
+            return 0.0 * held[COMMANDS][..., -command_length(self.vehicle, self.group) :], memory
         law, answer = self.law, None
         if rows is not None and isinstance(law, RunsCode):
             answer = law.answer_rows(self.group, rows, memory)

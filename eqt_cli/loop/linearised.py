@@ -29,7 +29,15 @@ from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
-from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
+from eqt_cli.components.vehicle import (
+    ACTUATORS,
+    CLOCKS,
+    CONTROL,
+    ESTIMATOR,
+    PROPELLANT,
+    Vehicle,
+    requested_torque,
+)
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
@@ -271,7 +279,14 @@ class _Pushed(ClosedLoop):
     push: Array = dataclasses.field(default_factory=lambda: np.zeros(1))
 
     def command(self, s: Tracking) -> Array:
-        return super().command(s) + self.push
+        return _pushed(super().command(s), self.push)
+
+
+def _pushed(command: Array, push: Array) -> Array:
+    """Return a command with more torque; thrusts may stand behind it."""
+    m = push.shape[-1]
+    thrusts = command[..., m:] + 0.0 * push[..., :1]
+    return np.concatenate([command[..., :m] + push, thrusts], axis=-1)
 
 
 class _Derivative(NamedTuple):
@@ -684,7 +699,8 @@ class _About:
         V_dot = s.inertia.velocity(parts["momentum"] - changing)
         # The states of an estimator are held, also those that are poses.
         others = [0.0 * r.V_tilde if name in _POSES else parts[name] for name in self.others]
-        return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
+        command = requested_torque(self.loop.vehicle, self.loop.command(s))
+        return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, command], axis=-1)
 
     def _after_measuring(self, x: Array, instant: int | None) -> Array:
         """Return x after the measurements at a tick of a cycle; None: at one with all of them."""
@@ -709,10 +725,11 @@ class _About:
         errors = _at_instant(loop, None) if loop.changes_by_measuring else None
         inputs, memory = loop.law_input(t, states, errors), loop.memory(states)
         command, later = loop.answer(inputs, memory, loop.period)
-        after = loop.after_answer(t, states, command + x[..., self.dimension :], later)
+        after = loop.after_answer(t, states, _pushed(command, x[..., self.dimension :]), later)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]
-        return np.concatenate([still, *self._others(after, self.states), command], axis=-1)
+        torque = requested_torque(loop.vehicle, command)
+        return np.concatenate([still, *self._others(after, self.states), torque], axis=-1)
 
 
 def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:

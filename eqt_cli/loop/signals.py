@@ -22,7 +22,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
+from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states, requested_torque
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.running import SampledRuns
 
@@ -229,7 +229,7 @@ def attitude_command_error(x: LoopState) -> Array:
 @_signal(stored_of=lambda of: bool(of.actuators or of.control))
 def command(x: LoopState) -> Array:
     """torque that the law asks for, body frame."""
-    return x.now[COMMAND]
+    return requested_torque(x.loop.vehicle, x.now[COMMAND])
 
 
 @_signal(stored_of=attrgetter("limits"))

@@ -190,7 +190,9 @@ def _problem(
     first = study.first_loops.setdefault((label, kind, runs is None), loops[0])
     varying = differing([first, *loops], which + 1)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
-        varying |= _drawn(study, (*points.tolist(),), (*runs.tolist(),))
+        named = experiments[0].loops.items()  # laws of one vehicle share what is drawn
+        shared = next(name for name, loop in named if loop.vehicle is loops[0].vehicle)
+        varying |= _drawn(study, shared, (*points.tolist(),), (*runs.tolist(),))
     problem = Problem(first, np.empty((len(points), 0)), experiments[0].times, varying)
     errors = None
     if runs is not None and first.vehicle.measures:
@@ -212,12 +214,14 @@ def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
 
 
 @lru_cache(maxsize=8)
-def _drawn(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> dict[str, Array]:
-    """Return the numbers drawn for the vehicle of each run, a row for each; all laws share them."""
+def _drawn(
+    study: Study, label: str, points: tuple[int, ...], runs: tuple[int, ...]
+) -> dict[str, Array]:
+    """Return the numbers drawn for the vehicle of a law in each run, a row for each."""
     rows = []
     for point, run in zip(points, runs, strict=True):
         experiment = study.experiment(point)
-        loop, seed = experiment.loop, experiment.config.ensemble.seed
+        loop, seed = experiment.loops[label], experiment.config.ensemble.seed
         random_of = partial(generator_at, seed, Stream.VEHICLE, run)
         rows.append(leaves(loop.vehicle.of_run(loop.group, random_of)))
     return {f"vehicle.{path}": np.array([row[path] for row in rows]) for path in rows[0]}

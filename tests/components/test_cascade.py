@@ -621,7 +621,7 @@ def test_rotors_that_all_turn_one_way_are_remarked():
     [said] = map(str, remarks(one))
     assert said.endswith(
         "actuators[0]: thrusters with rank 3 of 4 cannot push along ωz − 0.01 vz; what a law asks "
-        "for there is lost"
+        "for there is lost; of what it asks along one axis alone arrives ωz 0.01 %"
     )
 
 

@@ -204,9 +204,8 @@ def test_bounded_thrusts_that_lag_are_held_and_followed(shape):
 
 
 def test_thrusts_of_many_runs_have_the_limits_of_their_own():
-    part = Thrusters(
-        matrix=np.eye(3).tolist(), low=-1.0, high=Uniform([1.0, 2.0]), allocation="bounded"
-    )
+    options = {"low": -1.0, "high": Uniform([1.0, 2.0]), "told": True}
+    part = Thrusters(matrix=np.eye(3).tolist(), allocation="bounded", **options)
     runs = [part.of_run(SE2, np.random.default_rng(seed)) for seed in range(2)]
     together = with_leaves(
         runs[0], {path: np.stack([leaves(own)[path] for own in runs]) for path in leaves(runs[0])}
@@ -353,11 +352,13 @@ def test_what_is_almost_along_a_coordinate_is_along_it():
 def test_directions_without_thrust_are_said_by_their_coordinates():
     [told] = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [2.0, 0.5]]).remarks(SE2, np.eye(3))
     assert told == (
-        "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is lost"
+        "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is "
+        "lost; of what it asks along one axis alone arrives ω 24 %, vx 95 %, vy 81 %"
     )
     [told] = Thrusters(matrix=[[1.0], [-1.0], [1.0]]).remarks(SE2, np.eye(3))
     assert told == (
-        "with rank 1 of 3 cannot push along ω − vy, vx + vy; what a law asks for there is lost"
+        "with rank 1 of 3 cannot push along ω − vy, vx + vy; what a law asks for there is lost; "
+        "of what it asks along one axis alone arrives ω 33 %, vx 33 %, vy 33 %"
     )
     assert not list(Thrusters(matrix=np.eye(3).tolist()).remarks(SE2, np.eye(3)))
 

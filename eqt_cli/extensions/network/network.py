@@ -27,6 +27,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Real
 from eqt_cli.base.stored import THRUSTER
+from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import (
     MOST_AHEAD,
@@ -349,7 +350,7 @@ def source_of(
     Parameters
     ----------
     matrix : (m, k)
-        From the commands of the k outputs to the torque.
+        From the commands of the k outputs to the torque and, of rotors, the thrusts behind it.
     curve : (3, k)
         c₀, c₁ and c₂ of each command in its output.
     most
@@ -468,6 +469,7 @@ class Network(RunsCode, Previews):
     memory_: dict[str, str] | None = field(default=None, metadata=STRUCTURE)
     text: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
     source: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
+    length: int = field(init=False, default=0, repr=False, metadata=STRUCTURE)
 
     @property
     def files(self) -> dict[str, str]:
@@ -533,20 +535,21 @@ class Network(RunsCode, Previews):
         )
         with problems.catching("file"):
             function_of(source)
-        return with_fields(self, source=source)
+        return with_fields(self, source=source, length=len(M))
 
     def _commanding(
         self, G: MatrixLieGroup, plant: PlantModel, problems: Problems
     ) -> tuple[Array, Array]:
-        """Return the matrix from commands to the torque, ``(m, k)``, and the rows c₀, c₁, c₂."""
+        """Return the matrix from outputs to the command, ``(m, k)``, and the rows c₀, c₁, c₂."""
         said, k = self.commands_, self.network.commands
-        names, B, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
+        names, M, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
             rotors = [each for each in plant.actuators if THRUSTER in each.members]
             if not rotors:
                 problems.add("as: rotors, and actuators has no thrusters")
                 return np.empty((0, 0)), np.empty((0, 0))
-            names, B = rotors[0].members[THRUSTER], np.asarray(rotors[0].matrix)
+            names = rotors[0].members[THRUSTER]
+            M = np.eye(G.dimension + len(names), len(names), -G.dimension)
         order = list(names) if said.order is None else said.order
         for index, name in enumerate(order):
             if name not in names:
@@ -563,12 +566,20 @@ class Network(RunsCode, Previews):
             return np.empty((0, 0)), np.empty((0, 0))
         rows = thrust if of_rotors else (said.offset, said.scale, 0.0)
         curve = np.stack([np.broadcast_to(np.asarray(row, dtype=float), k) for row in rows])
-        return B[:, [names.index(name) for name in order]], curve
+        return M[:, [names.index(name) for name in order]], curve
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those of its outputs; none where they are thrusts."""
+        order, axes = self.commands_.order, np.eye(G.dimension)
+        if self.commands_.as_ == "rotors":
+            return axes[:0]
+        names = [name for name in G.directions if order is None or name in order]
+        return axes[[G.directions.index(name) for name in names]]
 
     @property
     def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
-        """Rates, for which it needs a `rate_loop`, or a torque."""
-        return "rates" if self.commands_.as_ == "rates" else "torque"
+        """Rates, for which it needs a `rate_loop`, thrusts of rotors, or a torque."""
+        return {"rates": "rates", "rotors": THRUSTS}.get(self.commands_.as_, "torque")
 
     @property
     def code(self) -> CodeFile:
@@ -638,7 +649,7 @@ class Network(RunsCode, Previews):
         lengths, rows = self.memory(G), np.ascontiguousarray(rows, dtype=float)
         parts = [np.empty((len(rows), 0)), *(memory[name] for name in lengths)]
         states = np.ascontiguousarray(np.concatenate(parts, axis=-1))
-        torques = np.empty((len(rows), G.dimension))
+        torques = np.empty((len(rows), self.length))
         call(function_of(self.source), states, rows, torques)
         later = np.split(states, np.cumsum([*lengths.values()])[:-1], axis=-1)
         return torques, dict(zip(lengths, later, strict=False))

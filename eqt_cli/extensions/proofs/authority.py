@@ -15,6 +15,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import KeyPath
+from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.laws import OuterLoop
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
@@ -113,7 +114,8 @@ class Members:
     def is_cut(self) -> bool:
         """Whether the allocation gives no torque in any sense, though other thrusts would."""
         turns = [k for k, name in enumerate(self.names) if "torque" in name]
-        if self.part.sampled or self.part.name == "wheels" or not turns:
+        commanded = self.part.sampled or self.part.takes == THRUSTS
+        if commanded or self.part.name == "wheels" or not turns:
             return False
         inverse, (low, high) = self.part.inverse, self.limits(failed=False)
         whole = (np.abs(self.columns) * (high - low)).sum(axis=1)

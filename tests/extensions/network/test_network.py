@@ -570,6 +570,51 @@ def test_what_is_wrong_with_a_law_is_said_at_its_place(policy, said):
     assert said.replace("in policy.onnx", f"in {policy}") in found.replace("policy.txt: ", "")
 
 
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_thrusts_that_a_network_commands_are_flown(tmp_path, engine):
+    """Also the part of six thrusts that gives no torque, after the delay, and within the limits."""
+    outputs = np.float32([0.5, -0.5, 0.8, -0.2, 0.1, -1.5])
+    arrays = {"W": np.zeros((6, 3), np.float32), "b": outputs}
+    made = graph([node("Gemm", "x", "W", "b", transB=1)], arrays, {"x": [1, 3]}, {"y": [1, 6]})
+    (tmp_path / "six.onnx").write_bytes(made)
+    places = [
+        {"at": [0.2 * np.cos(a), 0.2 * np.sin(a), 0.0], "along": [0, 0, 1], "turns": turns}
+        for a, turns in zip((np.pi / 3 * np.arange(6)).tolist(), 3 * [0.02, -0.02], strict=True)
+    ]
+    law = {"kind": "network", "file": str(tmp_path / "six.onnx"), "observes": [{"signal": "rates"}]}
+    law["commands"] = {"as": "rotors", "thrust": [3.0, 3.0, 0.0]}
+    config = {
+        "group": "SE3",
+        "inertia": [0.03, 0.03, 0.05, 2.0, 2.0, 2.0],
+        "reference": {"kind": "constant"},
+        "controllers": [law],
+        "actuators": [{"kind": "thrusters", "thrusters": places, "low": 0.0, "high": 5.0}],
+        "control": {"period": 0.1, "delay": 1},
+        "initial": {"pose": {"kind": "exp_normal", "std": 0.1}},
+        "ensemble": {"runs": 2},
+        "time": {"duration": 0.3, "samples": 4},
+        "solver": {"engine": engine, "cross_check": 0},
+    }
+    result = eqt_cli.run(config, tmp_path / "six")
+    commanded = 3.0 + 3.0 * np.maximum(outputs.astype(float), -1.0)
+    with h5py.File(result.path / "results.h5") as file:
+        flown, asked = file["thrust"][0, :, 1:], file["command"][0, :, :, 5]
+    expected = np.broadcast_to(np.minimum(commanded, 5.0), flown.shape)
+    np.testing.assert_allclose(flown, expected, rtol=1e-15)
+    np.testing.assert_allclose(asked, commanded.sum(), rtol=1e-14)
+
+
+def test_a_network_of_rotors_needs_them_in_front(policy):
+    law = {"commands": {"as": "rotors"}}
+    parts = [{"kind": "lag", "time_constant": 0.1}, {"kind": "thrusters", "matrix": ROWS}]
+    said = error_of(eqt_cli.load_experiment, experiment(policy, law=law, actuators=parts))
+    assert "actuators[1]: a law commands their thrusts" in said
+
+
+ROWS = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+"""B of three thrusters that give a torque about one axis each."""
+
+
 def test_a_network_of_rates_needs_a_rate_loop(policy):
     law = {"commands": {"as": "rates"}}
     said = error_of(eqt_cli.load_experiment, experiment(policy, law=law))
