@@ -484,10 +484,7 @@ def examples(tmp_path_factory):
     shutil.copytree(ROOT / "configs", folder / "configs")
     search = folder / "configs" / "tune_so2.yaml"
     text = search.read_text(encoding="utf-8")
-    search.write_text(
-        text.replace("budget: 20", "budget: 1").replace("population: 20", "population: 5"),
-        encoding="utf-8",
-    )
+    search.write_text(text.replace("samples: 1 #", "budget: 5\n  samples: 1 #"), encoding="utf-8")
     eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), folder / "results" / "paper")
     sweep = eqt_cli.load_experiment(ROOT / "configs" / "sweep_gains.yaml", FEW)
     eqt_cli.run(sweep, folder / "results" / "sweep_gains")

@@ -44,7 +44,7 @@ GAP, NAME = 14, 16
 """Pixels between figures, and for the name above each."""
 
 _FAST = "--set solver.error_estimate=false --set solver.cross_check=0 --engine native"
-_FEW = "--set tune.budget=4 --set tune.population=12 --set tune.confirm.runs=20"
+_FEW = "--set tune.confirm.runs=20"
 _FRONTS = "--set tune.objective=null --set tune.objectives=[effort,mean_pose_error]"
 
 EXPERIMENTS = {
@@ -68,8 +68,9 @@ EXPERIMENTS = {
     "--set 'sweep=[{grid: {reference: [{torque: [cos(t), sin(t), 0]}, {torque: [0, 0, 0.1]}, "
     "{torque: [cos(2*t), 0, 0.2*sin(t)]}], "
     '"actuators[0].time_constant": [0.02, 0.1]}}]\'',
-    "fronts": f"tune tune_paper {_FEW} {_FRONTS} --set tune.subject_to={{}} {_FAST}",
-    "tuned": f"tune tune_paper {_FEW} {_FAST}",
+    "fronts": f"tune tune_paper {_FEW} {_FRONTS} --set tune.equal={{}} --set tune.budget=48 "
+    f"--set tune.population=12 {_FAST}",
+    "tuned": f"tune tune_paper {_FEW} --set tune.samples=1 {_FAST}",
     "worst": "worst satellite_breaks --set ensemble.runs=3 --set worst.budget=3 "
     f"--set worst.population=8 --set worst.seeds=1 {_FAST}",
 }

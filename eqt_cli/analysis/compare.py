@@ -107,6 +107,8 @@ def compare(
     gains = {} if tuned else _gains(laws, titles, bases, names[0])
     declared = result.described.not_matched if second is None and not tuned else []
     without = [titles[x] for x, (one, law) in laws.items() if law in one.described.without_forces]
+    if second is None and concluded.premise:
+        between = [*between, concluded.premise]
     if 0 < len(without) < len(laws):
         forces = f"without the forces of `model` (`known_forces: false`): {', '.join(without)}"
         between = [*between, forces]

@@ -264,19 +264,19 @@ def _of_whole(
     """Return the findings on a sweep, or those of an extension; None for other results.
 
     Extensions have functions for the purpose ``answer of compare``. Each takes an open result, a
-    `Resampling` and a `Plain`, and returns a document for JSON, rows for CSV, and tables; or None
-    for results about which it has no answer. The answer takes the place of all others where no
-    metrics, laws or windows are chosen.
+    `Resampling`, a `Plain`, and the chosen metrics and laws, and returns a document for JSON, rows
+    for CSV, and tables; or None for results about which it has no answer. The answer takes the
+    place of all others where no windows are chosen.
     """
     from eqt_cli import api
     from eqt_cli.api.loading import open_at
 
     with open_at(path) as opened:
         result = opened.in_units(chosen["units"])
-        plain = not (chosen["metrics"] or chosen["controllers"] or narrowed)
-        if plain and table in (None, TableName.FRONTS):
+        of = chosen["metrics"], chosen["controllers"]
+        if not narrowed and table in (None, TableName.FRONTS):
             for answers in functions_for("answer of compare", result.path.parent):
-                if answer := answers(result, how, write):
+                if answer := answers(result, how, write, *of):
                     return _Findings(*answer)
         if not result.is_sweep:
             return None

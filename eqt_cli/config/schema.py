@@ -724,7 +724,7 @@ class ConfirmSection(Section):
     runs
         How many.
     seed
-        Root of their random streams, another than `ensemble.seed`; default: one more than that.
+        Root of their random streams, none of a training sample; default: the first one after them.
     """
 
     runs: Count = 500
@@ -751,26 +751,15 @@ class ProofSection(Section):
 
 
 class SearchSection(Section):
-    """How long `eqt tune` and `eqt worst` search.
+    """What a search varies.
 
     Attributes
     ----------
-    budget
-        Generations; each law has the same number.
-    population
-        Points of a generation, each with `ensemble.runs` runs.
-    seeds
-        Searches for each law, with `seed` and the numbers after it: their spread shows how far the
-        outcome depends on the seed.
-    seed
-        Of the first search. The first generations of one seed are the same points for all laws.
+    over
+        Keys to vary, and their ranges.
     """
 
     over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
-    budget: Count = 40
-    population: Annotated[int, Field(ge=5)] = 32
-    seeds: Count = 3
-    seed: CountOrNone = 0
 
 
 class TuneSection(SearchSection):
@@ -787,10 +776,19 @@ class TuneSection(SearchSection):
         `certified_rate`, `push_bound`.
     objectives
         Instead of it two metrics, of which the Pareto front is found.
+    equal
+        Metrics of which every law gets the same, in the mean over runs and cases:
+        `{effort: 50}`. A law that is best with less says so.
     subject_to
         Bounds of metrics: a number bounds the mean over runs from the side that is worse, `{max:
-        …}` or `{min: …}` the worst run. Of a proof: `step_torque`, `bandwidth`, `delay_margin`,
-        `damping`.
+        …}` or `{min: …}` the worst run; `failed` bounds the share of failed runs (default: 0). Of a
+        proof: `step_torque`, `bandwidth`, `delay_margin`, `damping`.
+    samples
+        Training samples: for each, a law is tuned on other runs, from other first points. Sample k
+        has the seed `ensemble.seed` + k − 1. With fewer than 3, no law is called better.
+    budget
+        Largest number of points for each law and sample, each with `ensemble.runs` runs. Default:
+        100; of a front 1280 for each law and seed.
     cases
         By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
         delays, the inertia, …; a point is run in all of them.
@@ -800,16 +798,28 @@ class TuneSection(SearchSection):
         The held-out runs on which the winners and the starting gains are compared.
     proof
         What a proof is about, if the objective is one: `certified_rate`, or `push_bound`. It needs
-        no runs: `budget`, `population` and `seeds` are not used.
+        no runs: `budget` and `samples` are not used.
+    population
+        Of a front: points of a generation. Default: 32.
+    seeds
+        Of a front: searches for each law, with `seed` and the numbers after it. Default: 3.
+    seed
+        Of a front: of the first search. The first generation of one seed is the same for all laws.
     """
 
     objective: str | None = None
     objectives: list[str] | None = None
+    equal: dict[str, Real] = Field(default_factory=dict)
     subject_to: dict[str, Bound] = Field(default_factory=dict)
+    samples: Count = 5
+    budget: Count | None = None
     cases: dict[str, dict[str, Any]] | None = None
     over_cases: Literal["mean", "worst"] | None = None
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
     proof: ProofSection = Field(default_factory=ProofSection)
+    population: Annotated[int, Field(ge=5)] | None = None
+    seeds: Count | None = None
+    seed: CountOrNone | None = None
 
 
 class ProfileSection(Section):
@@ -839,12 +849,24 @@ class WorstSection(SearchSection):
         `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
     objective
         The metric whose worst value over all runs is looked for; a failed run is worse than any.
+    budget
+        Generations; each law has the same number.
+    population
+        Points of a generation, each with `ensemble.runs` runs.
+    seeds
+        Searches for each law, with `seed` and the numbers after it: their spread shows how far the
+        outcome depends on the seed.
+    seed
+        Of the first search. The first generations of one seed are the same points for all laws.
     profile
         How many runs show each law along each key, through the points that were found.
     """
 
     objective: str
     budget: Count = 30
+    population: Annotated[int, Field(ge=5)] = 32
+    seeds: Count = 3
+    seed: CountOrNone = 0
     profile: ProfileSection = Field(default_factory=ProfileSection)
 
 

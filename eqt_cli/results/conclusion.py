@@ -33,6 +33,8 @@ class Conclusion:
         because each law has those that suit it.
     further
         Labels that comparisons leave out unless they are named.
+    premise
+        What a comparison run by run leaves out, in a sentence.
     pair
         Labels of the two laws that a figure of cases compares; None for those of the result.
     variants
@@ -47,6 +49,7 @@ class Conclusion:
     plotted: Sequence[str] = ()
     starts: Sequence[str] = ()
     further: Collection[str] = ()
+    premise: str = ""
     pair: Sequence[str] | None = None
     variants: Mapping[str, tuple[str, int]] = field(default_factory=dict)
 

@@ -58,8 +58,8 @@ class TaskContext:
 class Task(Protocol):
     """The work on an item; it must be picklable."""
 
-    def __call__(self, item: int, context: TaskContext) -> int:
-        """Compute and save one item; return the number of failed runs."""
+    def __call__(self, item: int, context: TaskContext) -> Any:
+        """Compute one item, and save it or return it; what is returned must be picklable."""
 
     def runs_of(self, item: int) -> int:
         """Return the amount of progress of one item."""
@@ -70,13 +70,14 @@ class Task(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of one item; `failed` is None if every worker that tried it was lost.
+    """The end of one item; `value` is None if every worker that tried it was lost.
 
-    `origin` says what the last bits depend on in another process; empty in this one.
+    Else it is what the task returned. `origin` says what the last bits depend on in another
+    process; empty in this one.
     """
 
     item: int
-    failed: int | None
+    value: Any
     origin: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
 
@@ -198,8 +199,8 @@ class _Opened(Executor):
         yield from _Work(self.pool, task, compute).outcomes(items)
 
 
-_Answer = tuple[int, Exception | None, Mapping[str, Any]]
-"""What a worker returns of an item: its failed runs, its error, and the task's origin."""
+_Answer = tuple[Any, Exception | None, Mapping[str, Any]]
+"""What a worker returns of an item: the task's value, its error, and the task's origin."""
 
 
 @dataclass
@@ -251,7 +252,7 @@ class _Work:
     def _outcome(self, future: Future[_Answer], item: int) -> Outcome | None:
         """Return the outcome of an item; None if it waits again."""
         try:
-            failed, error, origin = future.result()
+            value, error, origin = future.result()
         except tuple(self.pool.lost) as loss:
             self._advance(item, 0)
             kind = next(kind for kind in self.pool.lost if isinstance(loss, kind))
@@ -266,7 +267,7 @@ class _Work:
         if error is not None:
             raise error
         self._advance(item, self.task.runs_of(item))
-        return Outcome(item, failed, origin)
+        return Outcome(item, value, origin)
 
     def _advance(self, item: int, reached: Any) -> None:
         reporter().advance(reached - self.advanced[item])

@@ -325,7 +325,7 @@ class _Session:
                     task.save()
                 if outcome.origin:
                     self._note_origin(outcome.origin)
-                if outcome.failed is None:
+                if outcome.value is None:
                     message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
                     reporter().advance(task.lose(outcome.item, message))
         if counted.uncounted:

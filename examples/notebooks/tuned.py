@@ -5,7 +5,7 @@ At the end you have `tuned.tex` and `tuned.md`: laws at their best gains, with i
 Run it from the root of a checkout; it needs `pip install '.[xarray]'` and some seconds.
 """
 
-# %% Each law gets the same number of runs to find its gains; held-out runs compare the winners.
+# %% Each law is tuned on five training samples, at equal effort; held-out runs compare the laws.
 from pathlib import Path
 
 import eqt_cli
@@ -24,10 +24,7 @@ search = {
     "tune": {
         "over": {"gains.kp": {"log": [0.1, 10]}, "gains.kd": {"log": [0.1, 10]}},
         "objective": "mean_attitude_error",
-        "subject_to": {"effort": 60},
-        "budget": 3,
-        "population": 6,
-        "seeds": 1,
+        "equal": {"effort": 60},
         "confirm": {"runs": 40, "seed": 999},
     },
 }

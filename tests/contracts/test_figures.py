@@ -43,6 +43,7 @@ SWEEP = {
 }
 SMALL = {"budget": 1, "population": 5, "seeds": 1}
 TUNE = SMALL | {
+    "budget": 5,
     "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
     "objectives": ["effort", "mean_pose_error"],
     "confirm": {"runs": 3},

@@ -16,7 +16,7 @@ NUMBERS = """nan inf -inf -1 0 1 2 3 0.5 1e17 1e-300 1e300 -0.0 99999999999
 TEXTS = ["", " ", *"eqt gt x = a=b - .. / \x00".split(" "), "é" * 300, "a/b", "1,2", "1:2"]
 KEYS = """control.delay control.period sensors.velocity ensemble.seed ensemble.runs time.samples
 time.duration solver.cross_check solver.max_steps solver.block solver.rtol solver.max_error
-store.decimate store.trajectories controllers[0].pieces tune.budget tune.population tune.seeds
+store.decimate store.trajectories controllers[0].pieces tune.budget tune.samples
 tune.confirm.runs worst.budget worst.seeds worst.population worst.profile.points gains.kp
 settling_threshold name""".split()
 CONFIG = """group: SO3
@@ -28,7 +28,7 @@ initial: {pose: {kind: exp_normal, std: 0.6}}
 control: {period: 0.1}
 ensemble: {runs: 2, seed: 1}
 time: {duration: 1, samples: 5}
-tune: {over: {gains.kp: [1, 3]}, budget: 1, seeds: 1}
+tune: {over: {gains.kp: [1, 3]}, budget: 5, samples: 1}
 worst: {objective: final_pose_error, over: {gains.kp: [1, 3]}, budget: 1, seeds: 1}
 """
 SLOW = {"run", "sweep", "tune", "worst", "bench"}

@@ -157,10 +157,14 @@ def test_listed_metrics_replace_those_of_the_plugins(result_of, read):
     assert read(result_of(metrics=["two"])).own_metrics == ["two"]
 
 
-TUNE = {"over": {"gains.kp": [1, 4]}, "budget": 1, "population": 8, "seeds": 1}
+TUNE = {"over": {"gains.kp": [1, 4]}, "budget": 8, "samples": 1}
 
 
-SEEN = {"over": {"gains.kp": [1, 2]}, "budget": 1, "population": 5, "seeds": 1}
+WORST = {"over": {"gains.kp": [1, 2]}, "budget": 1, "population": 5, "seeds": 1}
+WORST |= {"objective": "late"}
+
+
+SEEN = {"over": {"gains.kp": [1, 2]}, "budget": 5, "samples": 1}
 
 
 @pytest.mark.needs("search")
@@ -194,7 +198,7 @@ def test_a_run_without_a_value_is_never_better_than_the_worst(result_of, tmp_pat
     )
     result_of(text)
     data = mapping(controllers=["eqt"], plugins=[str(tmp_path / "mine.py")])
-    data |= {"ensemble": {"runs": 8, "seed": 1}, "worst": SEEN | {"objective": "late"}}
+    data |= {"ensemble": {"runs": 8, "seed": 1}, "worst": WORST}
     if censored:
         worst = eqt_cli.worst(data, tmp_path / "w")
         assert worst.to_dataframe()["late"].tolist() == [

@@ -95,7 +95,7 @@ def ends():
 def test_a_lost_worker_costs_its_item_only_which_is_tried_again(task, tmp_path):
     found = list(Local(2).outcomes(task, [1, 17, 3]))
     assert sorted(o.item for o in found) == [1, 3, 17]
-    assert all(o.failed == 1 for o in found)
+    assert all(o.value == 1 for o in found)
     assert len(list((tmp_path / "done").glob("17-*"))) == 2
     assert len(list((tmp_path / "done").glob("1-*"))) == 1
 

@@ -40,11 +40,9 @@ PROGRESS = re.compile(r"^\d+/\d+ .*(?: left|: done in [^\n]*)\n", re.M)
 EXTRAS = ("xarray", "mujoco", "pinocchio")
 SMALL = ["--set=ensemble.runs=2", "--set=solver.cross_check=0"]
 COARSE = ["--set=solver.rtol=1e-6", "--set=solver.error_estimate=false"]
-FEW = [
-    "--set=tune.budget=2",
-    "--set=tune.population=5",
-    "--set=tune.seeds=1",
-    "--set=tune.confirm.runs=5",
+FEW = ["--set=tune.budget=5", "--set=tune.samples=1", "--set=tune.confirm.runs=5"]
+FEW_OF_A_FRONT = [
+    *(f"--set=tune.{size}" for size in ("budget=10", "population=5", "seeds=1", "confirm.runs=5"))
 ]
 FEWER = ["--set=worst.budget=1", "--set=worst.population=5", "--set=worst.seeds=1"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
@@ -150,9 +148,9 @@ def run_command(line, shows_digits=True):
     if words[:2] == ["eqt", "sweep"] and mine:
         words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
-        words += [*SMALL, *FEW, *SHORT]
+        words += [*SMALL, *(FEW_OF_A_FRONT if "objectives" in line else FEW), *SHORT]
     elif words[:2] == ["eqt", "tune"] and mine and "--dry-run" not in words:
-        words += ["--set=tune.budget=1", "--set=tune.seeds=1"]  # with which it may go on later
+        words += ["--set=tune.budget=6", "--set=tune.samples=1"]  # with which it may go on later
     elif words[:2] == ["eqt", "worst"] and shipped:
         words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:

@@ -28,9 +28,8 @@ TUNE = """\
 tune:
   over: {gains.kp: {log: [0.1, 10]}}
   objective: mean_pose_error
-  budget: 2
-  population: 5
-  seeds: 1
+  budget: 5
+  samples: 1
   confirm: {runs: 2}
 worst: {over: {gains.kp: [0.5, 2]}, objective: mean_pose_error, budget: 1, population: 5, seeds: 1}
 """
@@ -348,12 +347,13 @@ def test_pack_executes_no_plugin_unasked(shards, witness, eqt, refused, forget_p
     assert witness.read_text() == "plugin "
 
 
-SEARCH = '{"over":{"gains.kp":[0.1,10]},"objective":"effort","budget":1,"population":5,"seeds":1}'
+SEARCH = '{"over":{"gains.kp":[0.1,10]},"objective":"effort","budget":5,"samples":1}'
+WORST = '{"over":{"gains.kp":[0.1,10]},"objective":"effort","budget":1,"population":5,"seeds":1}'
 RESULT_COMMANDS = {
     "run": "run shards --out ../run",
     "sweep": "sweep shards --grid gains.kp=1,2 --out ../sweep",
     "tune": f"tune shards --set tune={SEARCH} --out ../tune",
-    "worst": f"worst shards --set worst={SEARCH} --out ../worst",
+    "worst": f"worst shards --set worst={WORST} --out ../worst",
     "margins": "margins shards",
     "export": "export shards --out ../export",
     "replay": "replay shards --measured none.csv",
@@ -393,7 +393,7 @@ OWN_COMMANDS = {
     "run": "run c.yaml --executor serial --out ../out",
     "sweep": "sweep c.yaml --executor serial --grid gains.kp=1,2 --out ../out",
     "tune": f"tune c.yaml --executor serial --set tune={SEARCH} --out ../out",
-    "worst": f"worst c.yaml --executor serial --set worst={SEARCH} --out ../out",
+    "worst": f"worst c.yaml --executor serial --set worst={WORST} --out ../out",
     "margins": "margins c.yaml",
     "export": "export c.yaml --out ../out",
     "replay": "replay c.yaml --measured none.csv",

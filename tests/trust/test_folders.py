@@ -57,9 +57,14 @@ CONFIG = configuration(
     time="{duration: 0.1, samples: 3}",
     solver="{rtol: 1.0e-3, cross_check: 0, error_estimate: false}",
 )
-ONE = "tune: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error"
-MANY = "tune: {over: {gains.kp: [0.1, 10]}, objectives: [mean_pose_error, effort]"
-BUDGET = ", budget: 1, population: 5, seeds: 1, confirm: {runs: 2}}\n"
+ONE = (
+    "tune: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error, budget: 5, samples: 1, "
+    "confirm: {runs: 2}}\n"
+)
+MANY = (
+    "tune: {over: {gains.kp: [0.1, 10]}, objectives: [mean_pose_error, effort], budget: 5, "
+    "population: 5, seeds: 1, confirm: {runs: 2}}\n"
+)
 
 BAD = (
     "worst: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error, budget: 1, population: 5, "
@@ -242,7 +247,7 @@ def call(text):
 def made(tmp_path_factory):
     """All folders of `MAKES`, and the names that are written into them."""
     home = tmp_path_factory.mktemp("made")
-    for name, text in {"c": "", "one": ONE + BUDGET, "many": MANY + BUDGET, "bad": BAD}.items():
+    for name, text in {"c": "", "one": ONE, "many": MANY, "bad": BAD}.items():
         (home / f"{name}.yaml").write_text(CONFIG + text, encoding="utf-8")
     literal = {name for entry in RESULT_ENTRIES for name in [literally(entry)] if name}
     for entry in RESULT_ENTRIES:

@@ -422,7 +422,7 @@ def report(
             of_kind["best"] = sweep_tables(result, SWEPT_METRICS)
     else:
         of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
-        of_kind |= {} if concluded.figures else _compared(result, against)
+        of_kind |= {} if concluded.figures or concluded.premise else _compared(result, against)
         of_kind |= _animated(result)
     return page(
         "report.html.j2",

@@ -11,5 +11,5 @@ def register(extension: Extension) -> None:
     extension.add_command("worst", "commands.worst", COMPUTE, "late.yaml --fail-above 0.2", "tune")
     for record in ("tuning.json", "worst.json"):
         extension.add_function(f"conclusion of a result beside {record}", "conclusion.conclusion")
-    extension.add_function("answer of compare beside tuning.json", "fronts.equal_cost")
+    extension.add_function("answer of compare beside tuning.json", "comparison.answer")
     extension.add_function("check of a configuration", "sections.check")

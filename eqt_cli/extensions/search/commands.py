@@ -151,15 +151,9 @@ def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool)
 
     if not search.searched_runs:
         return output.print_findings({"runs": search.all_runs}, _runs_line(search), json=json)
-    section, estimate = search.section, expected(search, executor)
-    factors = [
-        output.count_of(len(search.laws), "law"),
-        f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
-        output.count_of(section.budget, "generation"),
-        output.count_of(section.population, "point"),
-    ]
+    estimate = expected(search, executor)
     lines = [
-        f"{' × '.join(factors)} = {estimate.points}",
+        f"{' × '.join(search.size)} = {estimate.points}",
         _runs_line(search),
         run.time_line(estimate.seconds, estimate.workers),
     ]

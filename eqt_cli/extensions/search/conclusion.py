@@ -25,7 +25,7 @@ def conclusion(result: Result) -> Conclusion | None:
 
 
 def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
-    from eqt_cli.extensions.search.tables import tuning_tables
+    from eqt_cli.extensions.search.tables import is_sampled, tuning_tables
 
     laws, has_fronts = record["laws"], len(record["objectives"]) > 1
     best = [law for law in laws if law["winners"] and not has_fronts]
@@ -43,6 +43,7 @@ def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
         figures={"fronts": _CAPTION} if has_fronts else {},
         starts=[law["start"] for law in laws],
         further=searched.difference(w["label"] for law in laws for w in law["winners"]),
+        premise=_PREMISE * is_sampled(record),
         pair=[*pair, best[0]["start"]] if len(best) == 1 else pair,
         variants=variants,
     )
@@ -53,3 +54,9 @@ _CAPTION = (
     "intervals. The line joins the Pareto front of these runs. Half-filled: the starting gains."
 )
 """Caption of the figure `fronts` in a report."""
+
+_PREMISE = (
+    "of these gains only: the intervals leave out that other training runs would give other gains; "
+    "eqt show has those of the tuned laws"
+)
+"""What comparisons run by run leave out."""

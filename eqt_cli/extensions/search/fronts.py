@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, product
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from eqt_cli.analysis.intervals import Resampling, relative_difference
 from eqt_cli.analysis.maps import NOBODY, RULE, decide, front
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, fixed, significant
-from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Measure, Plain, Window
@@ -157,23 +155,33 @@ class Constraint:
         Whether the bound is an upper bound; else it is a lower bound.
     every_run
         Whether the bound applies to every run; else to the mean.
+    equal
+        Whether it has to be met, as far as a law can.
     """
 
     metric: str
     bound: float
     above: bool
     every_run: bool
+    equal: bool = False
 
     def __str__(self) -> str:
         who = "in every run" if self.every_run else "in the mean"
-        return f"{self.metric} {'≤' if self.above else '≥'} {self.bound:g} {who}"
+        sign = "=" if self.equal else "≤" if self.above else "≥"
+        return f"{self.metric} {sign} {self.bound:g} {who}"
 
 
-def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Constraint]) -> Scores:
+def scores(
+    result: Result,
+    objectives: Sequence[str],
+    constraints: Sequence[Constraint],
+    allowed: float = 0.0,
+) -> Scores:
     """Return the scores of all points of a sweep with one law.
 
-    A run that failed or has no value is left out of the means, and the share of such runs is added
-    to the violation. A run whose time is beyond the horizon counts with the horizon.
+    A run that failed or has no value is left out of the means, and the share of such runs beyond
+    the allowed one is added to the violation. A run whose time is beyond the horizon counts with
+    the horizon.
     """
     good = result.good[:, 0]
     values = {
@@ -181,7 +189,7 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
         for name in {*objectives, *(bound.metric for bound in constraints)}
     }
     complete = good & np.isfinite([*values.values()]).all(axis=0)
-    violation = (~complete).mean(axis=1)
+    violation = np.maximum((~complete).mean(axis=1) - allowed, 0.0)
     for bound in constraints:
         violation = violation + excess(bound, values[bound.metric])
     means = [quantity_of(name).cost(mean_over_runs(values[name])) for name in objectives]
@@ -251,27 +259,29 @@ class Population:
         return feasible[front(objectives[:, 0], objectives[:, -1])]
 
 
-def generator(seed: int, name: str, generation: int) -> np.random.Generator:
-    """Return the random stream of one generation of a named search."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()), generation))
+def generator(seed: int, generation: int, axis: int = 0) -> np.random.Generator:
+    """Return the random stream of a generation, of the first one for an axis.
+
+    It is the same for all laws, whatever they and their keys are called.
+    """
+    sequence = np.random.SeedSequence(seed, spawn_key=(generation, axis))
     return np.random.Generator(np.random.PCG64DXSM(sequence))
 
 
-def first_points(
-    count: int, keys: Sequence[str], start: Sequence[float] | None, seed: int
-) -> Array:
+def first_points(count: int, axes: int, start: Sequence[float] | None, seed: int) -> Array:
     """Return a Latin hypercube whose first point is replaced by `start`, if there is one.
 
-    Each key has its own random stream, so that laws start from the same values of the keys that
+    Each axis has its own random stream, so that laws start from the same values of the keys that
     they share.
 
     Returns
     -------
-    (count, keys)
+    (count, axes)
     """
     from scipy.stats import qmc
 
-    strata = [qmc.LatinHypercube(1, rng=generator(seed, key, 0)).random(count) for key in keys]
+    randoms = [generator(seed, 0, axis) for axis in range(axes)]
+    strata = [qmc.LatinHypercube(1, rng=random).random(count) for random in randoms]
     points: Array = np.concatenate(strata, axis=1)
     if start is not None:
         points[0] = start
@@ -591,16 +601,3 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     middle = pairs[len(SHARES) // 2 :: len(SHARES)]
     notes = [write.text(text) for text in (*sentences(result, record, middle), note)]
     return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)
-
-
-def equal_cost(
-    result: Result, how: Resampling, write: Plain
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]] | None:
-    """Return the laws at equal cost; None if the result is not of a two-objective search."""
-    record = TUNE.beside(result)
-    if record is None or len(record["objectives"]) < 2:
-        return None
-    result = held_out(result, record)
-    table = equal_cost_table(result, record, write, how)
-    pairs = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    return {"objectives": record["objectives"], "fronts": pairs}, pairs, [table]

@@ -43,6 +43,8 @@ class LawSearch:
         Index of the law among the user's controllers.
     start
         The user's values in the unit cube; None where one is outside its range.
+    order
+        The keys in the order of the coordinates of the unit cube.
     """
 
     label: str
@@ -52,11 +54,12 @@ class LawSearch:
     written: tuple[str, ...]
     index: int
     start: tuple[float, ...] | None
+    order: tuple[str, ...]
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
         """Return the values at a point of the unit cube, by key."""
-        axes = zip(self.axes.items(), shares, strict=True)
-        return {key: axis.at(share) for (key, axis), share in axes}
+        share_of = dict(zip(self.order, shares, strict=True))
+        return {key: axis.at(share_of[key]) for key, axis in self.axes.items()}
 
     def as_written(self, path: str) -> str:
         """Translate a path of `document` into one of the user's configuration."""
@@ -132,7 +135,9 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         data["name"] = f"{base.name}-{slug}"
         document = replace(base.document, data=data)
         written = tuple(keys.values())
-        laws.append(LawSearch(label, slug, document, axes, written, index, _start(data, axes)))
+        order = sorted(axes, key=lambda key: _order(key, axes[key], data))
+        start = _start(data, {key: axes[key] for key in order})
+        laws.append(LawSearch(label, slug, document, axes, written, index, start, tuple(order)))
     return tuple(laws)
 
 
@@ -151,6 +156,18 @@ def _key_in_law(key: str, index: int, keeps: bool) -> str:
     return key.removeprefix(f"{law}.") if moved else f"controllers[0]{key[len(law) :]}"
 
 
+def _order(key: str, axis: DrawnRange, data: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the place of a key among those of a law.
+
+    Stiffness and damping come first. Others are in the order of their ranges and starting values,
+    so that a search does not depend on what they are called, where they can be told apart.
+    """
+    name = entries_of(key)[0].rpartition(".")[2].partition("[")[0]
+    role = {"kp": 0, "kd": 1}.get(name, 2)
+    share = _share(data, key, axis)
+    return role, axis.low, axis.high, axis.scale, -1.0 if share is None else share, key
+
+
 def _slug(label: str, taken: Sequence[str]) -> str:
     """Return a file name for a label that differs from the names already taken."""
     slug = files.file_name(label, "law")
@@ -158,16 +175,19 @@ def _slug(label: str, taken: Sequence[str]) -> str:
     return next(each for each in chain([slug], numbered) if not errors.alike(each, taken))
 
 
-def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
+def _start(data: Mapping[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
     """Return the starting values in the unit cube; None if one is outside its range."""
-    shares = []
-    for key, axis in axes.items():
-        held, *others = (value_at(data, errors.parse_key(entry)) for entry in entries_of(key))
-        is_number = isinstance(held, int | float) and not isinstance(held, bool)
-        if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
-            return None
-        shares.append(axis.share(float(held)))
-    return tuple(shares)
+    shares = [share for key, axis in axes.items() if (share := _share(data, key, axis)) is not None]
+    return tuple(shares) if len(shares) == len(axes) else None
+
+
+def _share(data: Mapping[str, Any], key: str, axis: DrawnRange) -> float | None:
+    """Return the value of a key as a share of its range; None if it has not one value in it."""
+    held, *others = (value_at(data, errors.parse_key(entry)) for entry in entries_of(key))
+    is_number = isinstance(held, int | float) and not isinstance(held, bool)
+    if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
+        return None
+    return axis.share(float(held))
 
 
 def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
@@ -220,7 +240,10 @@ def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     entries: tuple[files.Entry, ...] = (*COPY_FOLDERS, single, run if kind.runs else winners)
     return {
         kind.record: files.FilePattern(re.escape(kind.record)),
-        GENERATIONS: files.FolderPattern(GENERATIONS, (files.FolderPattern(slug, (of_seeds,)),)),
+        GENERATIONS: files.FolderPattern(
+            GENERATIONS,
+            (files.FolderPattern(slug, (of_seeds,)), files.FilePattern(r"\d{3,}\.json")),
+        ),
         kind.configs: files.FolderPattern(kind.configs, entries),
     }
 
@@ -252,6 +275,10 @@ class SearchFolder:
         of_search = self.path / GENERATIONS / law.slug / f"seeds-{seeds[0]}-{seeds[-1]}"
         ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
         return [of_search / f"{number:03d}{end}" for end in ends]
+
+    def batch(self, number: int) -> Path:
+        """Return the file of a batch of points of all laws and samples."""
+        return self.path / GENERATIONS / f"{number:03d}.json"
 
     def run_of(self, law: LawSearch) -> Path:
         """Return the result folder of the configuration that was found for a law."""

@@ -32,7 +32,15 @@ def values_text(values: Mapping[str, float]) -> str:
 # The record, which is validated because it may come from anyone -----------------------------------
 
 
-_BOUND = {"metric", "bound", "above", "every_run"}
+_BOUND = {"metric", "bound", "above", "every_run", "equal"}
+
+
+_FLAGS = ("above", "every_run", "equal")
+
+_SIZES = {
+    True: ("budget", "samples", "runs"),  # of one objective
+    False: ("generations", "population", "runs"),
+}
 
 
 def fits_tuning(record: dict[str, Any], result: Result) -> bool:
@@ -48,12 +56,21 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             *(value for winner in winners for value in winner["values"].values()),
             *(end for law in laws for low, high in law["over"].values() for end in (low, high)),
             *(bound["bound"] for bound in record["constraints"]),
-            *(record[name] for name in ("generations", "population", "runs")),
+            *(record[name] for name in _SIZES["budget" in record]),
             *(number for search in searches for row in search["objectives"] for number in row),
+            record["allowed"],
         ]
+        if "budget" in record:  # tuned on samples
+            gains = [search for search in searches if search["label"] is not None]
+            numbers += [number for search in gains for number in search["measured"]]
+            numbers += [number for search in gains for number in search["values"].values()]
+            numbers += [search[name] for search in gains for name in ("failed", "unsettled")]
+            numbers += [search[name] for search in searches for name in ("sample", "points")]
+            if any(len(one["measured"]) != len(record["constraints"]) for one in gains):
+                return False
         proved = record.get("proved") or {"column": "", "answer": []}
         said = [proved["column"], *proved["answer"], *(w.get("proved", "") for w in winners)]
-        flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
+        flags = [bound[name] for bound in record["constraints"] for name in _FLAGS]
 
         return (
             0 < len(wanted) <= 2

@@ -152,6 +152,11 @@ class Searches(ABC, Generic[S]):
         """Combine the scores of the same points in all cases."""
         return Scores.over_cases(cases, worst=False)
 
+    def first_points(self, law: LawSearch) -> Array:
+        """Return the points that all searches for a law try first, ``(points, dimensions)``."""
+        seeds = self.evolution[2]
+        return np.concatenate([_tried(self, law, seed, 0, None) for seed in seeds])
+
     @abstractmethod
     def scores(self, result: Result) -> Scores:
         """Return the scores of all points of a sweep with one law."""
@@ -178,14 +183,26 @@ class Searches(ABC, Generic[S]):
         return self.read(changed_at(self.base.document, ("solver", "engine"), engine, str(out)))
 
     @property
-    def seeds(self) -> range:
-        """Seeds of the searches for each law."""
-        return range(self.section.seed, self.section.seed + self.section.seeds)
+    @abstractmethod
+    def evolution(self) -> tuple[int, int, range]:
+        """Number of generations, points of each, and seeds of the searches for each law."""
 
     @property
-    def all_generations(self) -> int:
-        """Number of generations of all searches for one law."""
-        return len(self.seeds) * self.section.budget
+    def points(self) -> int:
+        """Largest number of points of all searches for all laws."""
+        generations, population, seeds = self.evolution
+        return len(self.laws) * len(seeds) * generations * population
+
+    @property
+    def size(self) -> list[str]:
+        """The factors of `points`, in words."""
+        generations, population, seeds = self.evolution
+        return [
+            count_of(len(self.laws), "law"),
+            f"{len(seeds)} search{'es' * (len(seeds) > 1)}",
+            count_of(generations, "generation"),
+            count_of(population, "point"),
+        ]
 
     @property
     def runs_at_a_point(self) -> int:
@@ -194,9 +211,8 @@ class Searches(ABC, Generic[S]):
 
     @property
     def searched_runs(self) -> int:
-        """Number of runs of all laws and generations."""
-        each = self.all_generations * self.section.population
-        return len(self.laws) * each * self.runs_at_a_point
+        """Largest number of runs of the searches for all laws."""
+        return self.points * self.runs_at_a_point
 
     judging: ClassVar[str] = "to judge the outcome"
     """What further runs are for."""
@@ -214,14 +230,21 @@ class Searches(ABC, Generic[S]):
     @property
     def settings(self) -> dict[str, Any]:
         """The size of the search, for its record."""
+        generations, population, seeds = self.evolution
+        return self.identity | {
+            "generations": generations,
+            "population": population,
+            "seeds": list(seeds),
+        }
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells this search from others, for its record."""
         return {
             "name": self.base.name,
             "digest": self.digest,
             "engine": self.base.engine.name,
-            "generations": self.section.budget,
-            "population": self.section.population,
             "runs": self.base.config.ensemble.runs,
-            "seeds": list(self.seeds),
         }
 
     @cached_property
@@ -255,15 +278,15 @@ def _generation(
     search: Searches[Any], law: LawSearch, out: Path, shares: Array, executor: Executor
 ) -> Scores:
     """Return the scores of the points of a generation, which a folder may already hold."""
-    columns, held = _columns(law, shares), False
+    at, held = columns(law, shares), False
     if (out / FILE_NAME).exists():
         with open_result(out) as result:
             held = all(
                 np.array_equal(result.coordinate(coordinate_of(key)), values)
-                for key, values in columns.items()
+                for key, values in at.items()
             )
     if not held:
-        compute(_swept(law, columns), out, executor)
+        compute(swept(law, at), out, executor)
     with open_result(out) as result:
         if held:
             reporter().skip(len(shares) * result.runs)
@@ -274,9 +297,9 @@ def evolve(
     search: Searches[Any], law: LawSearch, folder: SearchFolder, executor: Executor
 ) -> dict[int, Population]:
     """Run all generations of all searches for one law; return the last population by seed."""
-    section, cases = search.section, search.in_cases(law).values()
+    (generations, _, all_seeds), cases = search.evolution, search.in_cases(law).values()
     searches: dict[int, Population] = {}
-    for seeds, number in product(folder.groups(law, search.seeds), range(section.budget)):
+    for seeds, number in product(folder.groups(law, all_seeds), range(generations)):
         shares = [_tried(search, law, seed, number, searches.get(seed)) for seed in seeds]
         outs = folder.generation(law, seeds, number, len(cases))
         by_case = [
@@ -289,7 +312,7 @@ def evolve(
             tried = Population(points, scores.at(of_seed))
             searches[seed] = selected(searches[seed], tried) if number else tried
         search.keep(law, searches, folder)
-        done = f"{count_of(len(seeds), 'seed')}, generation {number + 1}/{section.budget}"
+        done = f"{count_of(len(seeds), 'seed')}, generation {number + 1}/{generations}"
         so_far = search.so_far(law, reduce(selected, searches.values()))
         reporter().note(law.label, f"{done}, {so_far}")
     return searches
@@ -300,8 +323,8 @@ def _tried(
 ) -> Array:
     """Return the points that a search tries in a generation, ``(points, dimensions)``."""
     if before is None:
-        return fronts.first_points(search.section.population, list(law.axes), law.start, seed)
-    return fronts.trials(before, fronts.generator(seed, law.label, number), search.keeps_ends)
+        return fronts.first_points(search.evolution[1], len(law.axes), law.start, seed)
+    return fronts.trials(before, fronts.generator(seed, number), search.keeps_ends)
 
 
 @dataclass(frozen=True)
@@ -327,34 +350,31 @@ class Expected:
 
 
 def expected(search: Searches[Any], executor: Executor) -> Expected:
-    """Estimate the cost of a search from part of the first generation of each law."""
-    section, workers, seconds = search.section, 1, 0.0
-    points = len(search.laws) * search.all_generations * section.population
+    """Estimate the cost of a search from part of the first points of each law."""
+    workers, seconds, tried = 1, 0.0, 0
     share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
-    first_generations = (
-        study(_swept(case, _columns(law, np.concatenate(shares))))
-        for law in search.laws
-        for shares in [[_tried(search, law, seed, 0, None) for seed in search.seeds]]
-        for case in search.in_cases(law).values()
-    )
-    for generation in first_generations:
-        estimated = estimate(generation, executor, share)
-        workers = max(workers, estimated.workers)
-        if estimated.seconds is None:
-            return Expected(points, search.all_runs, None, workers)
-        groups = len(generation) if generation.is_ragged else 0
-        seconds += (estimated.seconds + SWEEP + groups * GROUP) * section.budget
-    seconds *= search.all_runs / search.searched_runs
-    return Expected(points, search.all_runs, seconds, workers)
+    for law in search.laws:
+        first = search.first_points(law)
+        tried += len(first)
+        for case in search.in_cases(law).values():
+            points = study(swept(case, columns(law, first)))
+            estimated = estimate(points, executor, share)
+            workers = max(workers, estimated.workers)
+            if estimated.seconds is None:
+                return Expected(search.points, search.all_runs, None, workers)
+            groups = len(points) if points.is_ragged else 0
+            seconds += estimated.seconds + SWEEP + groups * GROUP
+    seconds *= search.points / tried * search.all_runs / search.searched_runs
+    return Expected(search.points, search.all_runs, seconds, workers)
 
 
-def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
+def columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
     """Return the values of each key at the points of a generation."""
     points = [law.values(row) for row in shares.tolist()]
     return expanded({key: [point[key] for point in points] for key in law.axes})
 
 
-def _swept(law: LawSearch, columns: dict[str, list[float]]) -> Document:
+def swept(law: LawSearch, columns: dict[str, list[float]]) -> Document:
     """Return a sweep over listed points that stores only metrics and skips cross-checks."""
     data = law.document.data
     solver = dict(data.get("solver") or {})

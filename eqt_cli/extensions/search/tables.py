@@ -13,11 +13,11 @@ from eqt_cli.analysis.intervals import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, brief, count_of, listed, significant
-from eqt_cli.extensions.search import fronts
+from eqt_cli.extensions.search import fronts, ratios
 from eqt_cli.extensions.search.fronts import SHARES, Constraint, cases_of, equal_cost_table
 from eqt_cli.extensions.search.record import AGREEING, agree, values_text
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import Plain, in_one_form
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result, mean_over_runs
 
 Record = Mapping[str, Any]
@@ -28,7 +28,7 @@ _WRITE = Plain()
 
 AT_AN_END = 0.01
 """Distance from an end of its range within which a value is at it, as a share of the end and of the
-range: differential evolution comes about so close to a best value at an end."""
+range: searches come about so close to a best value at an end."""
 
 
 def measured(result: Result, name: str) -> str:
@@ -43,42 +43,9 @@ def _means_over(result: Result) -> str:
     return f"means over {count_of(result.runs, 'held-out run')}{interval}"
 
 
-def seed_labels(law: Record) -> list[str]:
-    """Return the labels of the winners of a law's searches."""
-    return [search["label"] for search in law["searches"] if search["label"] is not None]
-
-
-def differences(result: Result, record: Record, metric: str) -> list[tuple[str, str, Range]]:
-    """Return the range of the difference of means over all searches, for each pair of laws.
-
-    Only laws with at least two successful searches are compared.
-    """
-    means = dict(zip(result.labels, mean_over_runs(result.counted(metric)).tolist(), strict=True))
-    by_law = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
-    several = [label for label, values in by_law.items() if len(values) > 1]
-    return [
-        (one, two, (min(by_law[one]) - max(by_law[two]), max(by_law[one]) - min(by_law[two])))
-        for one, two in combinations(several, 2)
-    ]
-
-
-def searches_table(result: Result, record: Record) -> TextTable:
-    """Return the table of the differences between laws over all searches of both."""
-    (name,) = record["objectives"]
-    what = measured(result, name)
-    rows = [
-        [
-            f"{law_title(one)} − {law_title(two)}",
-            *(significant(end, 3) for end in ends),
-            "yes" if ends[0] > 0 or ends[1] < 0 else "no",
-        ]
-        for one, two, ends in differences(result, record, name)
-    ]
-    between = "between any search for one law and any search for the other"
-    caption = f"Differences of {what} {between}, means over held-out runs"
-    header = ["laws", "smallest", "largest", "the same sign in all"]
-    note = "Where the sign is not the same in all, the search decides which law is ahead."
-    return TextTable("searches", caption, header, [Block("", rows)] if rows else [], [note])
+def is_sampled(record: Record) -> bool:
+    """Whether laws were tuned on training samples: neither for fronts nor by proofs."""
+    return "budget" in record
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
@@ -99,18 +66,29 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
         return [table for table in tables if table.blocks]
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     sought = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
-    pairs = dict[str, TextTable]()
-    if len(tuned) > 1:
-        comparison = compare(result, metrics=list(dict.fromkeys(sought)), labels=tuned)
-        pairs = {"pairs": text_tables(comparison, _WRITE)["pairs"]}
+    sought = list(dict.fromkeys(sought))
+    pairs: list[TextTable] = []
+    if is_sampled(record):
+        of_pairs = ratios.ratios(result, record, sought)
+        said = ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
+        table = ratios.ratio_table(result, of_pairs, record["samples"], _WRITE)
+        pairs.append(replace(table, notes=[*said, *table.notes]))
+        pairs.append(ratios.spending_table(result, record, _WRITE))
+        pairs.append(_samples(result, record))
+    elif len(tuned) > 1:
+        comparison = compare(result, metrics=sought, labels=tuned)
+        table = text_tables(comparison, _WRITE)["pairs"]
         ranking = _ranking(result, record["objectives"][0], tuned)
         rule = f"A law is better where it is {RULE}, with p times the pairs."
-        pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking, rule])
+        pairs = [replace(table, notes=[*table.notes, ranking, rule])]
     names = list(dict.fromkeys([*record["objectives"], *result.compared_first]))
     winners = _winners(result, record, names)
-    searches = searches_table(result, record)
-    tables = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
+    tables = [winners, _by_case(cases, record), bounds, *pairs]
     return [table for table in tables if table.blocks]
+
+
+def _pairs(laws: Sequence[str]) -> int:
+    return len(laws) * (len(laws) - 1) // 2
 
 
 def tuning_answer(result: Result, record: Record) -> list[TextTable]:
@@ -133,10 +111,41 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
         return [replace(table, notes=notes)]
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     notes += _notes(result, record, tuned)
-    if len(tuned) > 1:
+    if len(tuned) > 1 and is_sampled(record):
+        pairs = ratios.ratios(result, record, record["objectives"])
+        notes = [*ratios.sentences(result, pairs, record["samples"]), *notes]
+    elif len(tuned) > 1:
         notes.insert(0, _ranking(result, record["objectives"][0], tuned))
     notes = [*record.get("proved", {}).get("answer", ()), *notes]
     return [replace(_winners(result, record, record["objectives"]), notes=notes)]
+
+
+def _samples(result: Result, record: Record) -> TextTable:
+    """Return the table of what was found on each training sample."""
+    name, rows = record["objectives"][0], []
+    means = dict(zip(result.labels, mean_over_runs(result.counted(name)).tolist(), strict=True))
+    for law in record["laws"]:
+        for search in law["searches"]:
+            label, cost = search["label"], ["no feasible point", "-", "-", "-"]
+            if label is not None:
+                trained = float(result.quantity(name).cost(search["objectives"][0][0]))
+                failed = f"{100 * search['failed']:.3g} %"
+                values = values_text(search["values"])
+                cost = [values, significant(trained), significant(means[label]), failed]
+            ended = search["points"] if search["ended"] == "sure" else f"{search['points']} (all)"
+            number = f"{search['sample']}{' *' * (label == law['label'])}"
+            rows.append([law_title(law["label"]), number, *cost, str(ended)])
+    caption = f"{measured(result, name)} by training sample"
+    header = ["law", "sample", "best values", "training", "held out", "failed", "points"]
+    notes = [
+        "*: the sample with the middle error on its training runs, whose gains stand for the law",
+        "failed: share of the training runs",
+    ]
+    if any(search["ended"] != "sure" for law in record["laws"] for search in law["searches"]):
+        notes.append(
+            "(all): the search used all points of tune.budget, and was not yet sure of its best one"
+        )
+    return TextTable("samples", caption, header, [Block("", rows)] if rows else [], notes)
 
 
 def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
@@ -197,27 +206,26 @@ def _front_points(result: Result, record: Record) -> TextTable:
 def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
     blocks = []
     for name in names:
-        values = result.counted(name)
-        means = intervals_of_means(values.T, Resampling())
-        spreads = dict(zip(result.labels, _spreads(values), strict=True))
+        spreads = dict(zip(result.labels, _spreads(result.counted(name)), strict=True))
         rows = []
         for law in record["laws"]:
             before = spreads[law["start"]]
             for winner in law["winners"]:
                 label, best = winner["label"], values_text(winner["values"])
-                k = result.labels.index(label)
-                several = [means.mean[result.labels.index(seed)] for seed in seed_labels(law)]
-                half = (means.high[k] - means.low[k]) / 2
-                ends = in_one_form(half, min(several), max(several)) if several else ["-"]
-                over = " to ".join(dict.fromkeys(ends))  # one number for one search
-                over = winner.get("proved", over)
-                rows.append([result.titles[k], best, before, spreads[label], over])
+                after, more = spreads[label], [winner["proved"]] if "proved" in winner else []
+                if is_sampled(record):
+                    after = _WRITE.spread(*ratios.means(result, law, name))
+                rows.append([result.titles[result.labels.index(label)], best, before, after, *more])
             if not law["winners"]:
-                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
+                more = ["-"] if "proved" in record else []
+                rows.append([law_title(law["label"]), "no feasible point", before, "-", *more])
         blocks.append(Block(measured(result, name), rows))
     caption = f"Tuned laws against their starting gains: {_means_over(result)}"
-    last = record["proved"]["column"] if "proved" in record else "over searches"
-    header = ["law", "best values", "start", "tuned", last]
+    if is_sampled(record) and record["samples"] > 1:
+        caption += f"; tuned: over {record['samples']} training samples, too"
+    header = ["law", "best values", "start", "tuned"]
+    if "proved" in record:
+        header.append(record["proved"]["column"])
     return TextTable("tuned", caption, header, blocks, list(_notes(result, record)))
 
 
@@ -229,10 +237,9 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
     if of is None and "proved" in record:
         yield from record["proved"]["answer"]
     elif of is None:
-        yield (
-            f"{searched(record)} The best of these searches is shown; over searches: the smallest "
-            "and the largest mean of their winners."
-        )
+        yield searched(record)
+    if is_sampled(record):
+        yield from ratios.unequal(record)
     near = dict.fromkeys(
         f"{key} {end:g} of {law_title(law['label'])}"
         for law in record["laws"]
@@ -243,7 +250,7 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
     if near:
         yield (
             f"At the end of its range: {listed([*near])}; widen the range in tune.over, or bound "
-            "what the law may spend by tune.subject_to."
+            "what the law may spend by tune.equal or tune.subject_to."
         )
     if cases := record["cases"]:
         worst = "from the case in which the mean over all runs is worst"
@@ -254,8 +261,16 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
 
 def searched(record: Record) -> str:
     """Describe the size of a search in a sentence."""
-    generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
+    if is_sampled(record):
+        points = [search["points"] for law in record["laws"] for search in law["searches"]]
+        ends = " to ".join(dict.fromkeys(map(str, (min(points), max(points)))))
+        samples = count_of(record["samples"], "training sample")
+        return (
+            f"Searched: {ends} of at most {count_of(record['budget'], 'point')} for every law on "
+            f"{samples} of {count_of(record['runs'], 'run')}{cases}."
+        )
+    generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     return (
         f"Searched: {count_of(generations, 'generation')} of {record['population']} points, each "
         f"of {count_of(runs, 'run')}{cases}, for every law, with the seed{'s' * (len(seeds) > 1)} "
@@ -286,6 +301,8 @@ def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
     ]
     for entry, (case, result) in product(record["constraints"], cases.items()):
         bound = Constraint(**entry)
+        if bound.equal:  # what laws spend of it has a table of its own
+            continue
         values = result.counted(bound.metric)
         over = fronts.excess(bound, values)
         worst = np.max if bound.above else np.min

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import shown
-from eqt_cli.base.reporting import brief
+from eqt_cli.base.reporting import brief, count_of
 from eqt_cli.config.designs import Cases, DrawnRange
 from eqt_cli.config.document import Document, changed_at, entries_of
 from eqt_cli.config.experiment import Experiment
@@ -22,8 +23,10 @@ from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
+from eqt_cli.extensions.search.model_search import Best, ModelSearch
 from eqt_cli.extensions.search.record import TUNE, values_text
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
+from eqt_cli.extensions.search.training import Training, trained
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -38,7 +41,7 @@ class Search(Searches[TuneSection]):
 
     kind = TUNE
     example = "{over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
-    continuing = frozenset({"budget", "seeds", "confirm"})
+    continuing = frozenset({"budget", "samples", "seeds", "confirm"})
 
     @cached_property
     def objectives(self) -> tuple[str, ...]:
@@ -46,18 +49,94 @@ class Search(Searches[TuneSection]):
         return ("mean_pose_error",) if prover_of(self.section) else _objective_names(self.section)
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
-        """The bounds that a feasible point satisfies."""
-        constraints = []
-        for name, bound in () if prover_of(self.section) else self.section.subject_to.items():
+    def bounds(self) -> tuple[Constraint, ...]:
+        """The bounds of metrics, those that have to be met first, by their names."""
+        bounds = []
+        section = self.section
+        if prover_of(section):
+            return ()
+        for name, value in sorted(section.equal.items()):
+            bounds.append(Constraint(name, float(value), _is_upper(name), False, equal=True))
+        for name, bound in sorted(section.subject_to.items()):
+            if name == FAILED:
+                continue
             if not isinstance(bound, WorstRunSection):
-                is_upper = quantity_of(name).better != "higher"
-                constraints.append(Constraint(name, float(bound), is_upper, every_run=False))
+                bounds.append(Constraint(name, float(bound), _is_upper(name), every_run=False))
                 continue
             for limit, is_upper in ((bound.max, True), (bound.min, False)):
                 if limit is not None:
-                    constraints.append(Constraint(name, limit, is_upper, every_run=True))
-        return tuple(constraints)
+                    bounds.append(Constraint(name, limit, is_upper, every_run=True))
+        return tuple(bounds)
+
+    @property
+    def allowed(self) -> float:
+        """Largest share of failed runs."""
+        bound: Any = self.section.subject_to.get(FAILED, 0.0)
+        return float(bound)
+
+    @property
+    def samples(self) -> range:
+        """Numbers of the training samples."""
+        return range(1, 1 + (0 if prover_of(self.section) else self.section.samples))
+
+    @property
+    def budget(self) -> int:
+        """Largest number of points for each law, and each sample or seed."""
+        return self.section.budget or (1280 if self.seeks_front else 100)
+
+    @property
+    def evolution(self) -> tuple[int, int, range]:
+        """Number of generations, points of each, and seeds of the searches for each law."""
+        first, section = self.section.seed or 0, self.section
+        if prover_of(section):
+            return 0, 1, range(1)
+        population = section.population or 32
+        seeds = range(first, first + (section.seeds or 3))
+        return max(1, self.budget // population), population, seeds
+
+    @property
+    def points(self) -> int:
+        """Largest number of points of all searches for all laws."""
+        if self.seeks_front:
+            return super().points
+        return len(self.laws) * len(self.samples) * self.budget
+
+    @property
+    def size(self) -> list[str]:
+        """The factors of `points`, in words."""
+        if self.seeks_front:
+            return super().size
+        return [
+            count_of(len(self.laws), "law"),
+            count_of(len(self.samples), "training sample"),
+            f"at most {count_of(self.budget, 'point')}",
+        ]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The size of the search, for its record."""
+        if self.seeks_front or prover_of(self.section):
+            return super().settings
+        return self.identity | {"budget": self.budget, "samples": len(self.samples)}
+
+    def by_models(self, law: LawSearch, sample: int) -> ModelSearch:
+        """Return the search for a law on a training sample."""
+        snapped = Training(law, sample).snapped
+        return ModelSearch(
+            len(law.axes), self.budget, self.bounds, self.allowed, sample - 1, law.start, snapped
+        )
+
+    def on_sample(self, document: Document, sample: int) -> Document:
+        """Return an experiment with the runs of a training sample."""
+        ensemble = dict(document.data.get("ensemble") or {})
+        seed = self.base.config.ensemble.seed + sample - 1
+        return replace(document, data=document.data | {"ensemble": ensemble | {"seed": seed}})
+
+    def first_points(self, law: LawSearch) -> Array:
+        """Return the points that all searches for a law try first, ``(points, dimensions)``."""
+        if self.seeks_front:
+            return super().first_points(law)
+        return next(self.by_models(law, 1).points())
 
     @property
     def seeks_front(self) -> bool:
@@ -78,7 +157,7 @@ class Search(Searches[TuneSection]):
     def judging_runs(self) -> int:
         """Largest number of held-out runs of all winners and starting gains."""
         section = self.section
-        winners = section.population if self.seeks_front else section.seeds
+        winners = self.evolution[1] if self.seeks_front else max(1, len(self.samples))
         each = section.confirm.runs * len(self.in_cases(self.laws[0]))
         return len(self.laws) * (winners + 1) * each
 
@@ -98,7 +177,7 @@ class Search(Searches[TuneSection]):
         starts = [_entry(law.document.data, started(law.label)) for law in self.laws]
         data = self.base.document.data
         runs, seed = self.section.confirm.runs, self.section.confirm.seed
-        seed = self.base.config.ensemble.seed + 1 if seed is None else seed
+        seed = self.base.config.ensemble.seed + max(1, len(self.samples)) if seed is None else seed
         ensemble = {"runs": runs, "seed": seed}
         store = dict(data.get("store") or {})
         few = "none" if self.seeks_front else min(MOST_TRAJECTORIES, runs)
@@ -118,7 +197,7 @@ class Search(Searches[TuneSection]):
         return f"best so far: {self.objectives[0]} {brief(cost)} at {values}{front}"
 
     def scores(self, result: Result) -> Scores:
-        return scores(result, self.objectives, self.constraints)
+        return scores(result, self.objectives, self.bounds, self.allowed)
 
     def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
         """Write the configurations of the winners so far."""
@@ -129,22 +208,36 @@ class Search(Searches[TuneSection]):
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
         """Search for the best gains of each law, and run the winners on held-out initial states."""
-        tuned = [self._tuned(law, folder, executor) for law in self.laws]
+        tuned = self._tuned(folder, executor)
         chosen = {of_law.law.label: of_law.confirmed for of_law in tuned}
         confirmed = compute(self.confirmation(chosen), folder.path, executor)
         prover = prover_of(self.section)
-        proved = {"proved": prover.record({x.law.label: x.best for x in tuned})} if prover else {}
+        best = {x.law.label: x.best for x in tuned if isinstance(x, Tuned)}
+        proved = {"proved": prover.record(best)} if prover else {}
         return confirmed, proved | {
             "objectives": list(self.objectives),
             "cases": list(self.section.cases or {}),
             "over_cases": self.section.over_cases or "mean",
-            "constraints": [asdict(bound) for bound in self.constraints],
+            "constraints": [asdict(bound) for bound in self.bounds],
+            "allowed": self.allowed,
             "laws": [of_law.record() for of_law in tuned],
         }
 
-    def _tuned(self, law: LawSearch, folder: SearchFolder, executor: Executor) -> Tuned:
-        if not (prover := prover_of(self.section)):
-            return Tuned(law, evolve(self, law, folder, executor), self.seeks_front)
+    def _tuned(self, folder: SearchFolder, executor: Executor) -> list[Tuned | Sampled]:
+        if prover := prover_of(self.section):
+            return [self._proved(prover, law, folder) for law in self.laws]
+        if self.seeks_front:
+            return [Tuned(law, evolve(self, law, folder, executor), True) for law in self.laws]
+        best, sampled = trained(self, folder, executor), list[Tuned | Sampled]()
+        for law in self.laws:
+            of_law = {key.sample: one for key, one in best.items() if key.law is law}
+            sampled.append(one := Sampled(self, law, of_law))
+            if one.winner is not None:
+                values = one.confirmed[law.label]
+                folder.write_configs(law, [study(law.at(values))])
+        return sampled
+
+    def _proved(self, prover: Any, law: LawSearch, folder: SearchFolder) -> Tuned:
         best = prover.gains(law, self.section, self.base)
         if best["values"]:
             winner = study(law.at(best["values"]))
@@ -173,26 +266,77 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
-        bounds = section.subject_to
-        if prover := prover_of(section):
+        prover = prover_of(section)
+        if prover:
             prover.check(section, base, problems)
-            bounds, section.budget, section.seeds = {}, 0, 1  # no generations, and one winner
+        _check_size(section, problems, proves=bool(prover))
         for experiment in [base, *_build_cases(section, base, problems)]:
             _check_objectives(section, experiment, problems)
-            for name in bounds:
-                with problems.catching("subject_to", name):
-                    law_search.require_metric(name, experiment)
+            if not prover:
+                _check_metrics(section, experiment, problems)
             if experiment.config.initial.file is not None:
                 problems.add(
                     "initial.file sets the states of all runs, so none can be held out; draw them"
                 )
-        for name, bound in bounds.items():
-            if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
-                problems.at("subject_to", name).add("expected `max` or `min`, got neither")
-        if section.confirm.seed == base.config.ensemble.seed:
+        if not prover:
+            _check_bounds(section, problems)
+        first, seed = base.config.ensemble.seed, section.confirm.seed
+        last = first if prover or section.objectives else first + section.samples - 1
+        if seed is not None and first <= seed <= last:
+            trained = (
+                f"{first} to {last} of the training samples" if last > first else "ensemble.seed"
+            )
             problems.at("confirm", "seed").add(
-                f"expected a seed other than ensemble.seed, got {section.confirm.seed}; "
-                "held-out runs must differ from the runs of the search"
+                f"expected a seed other than {trained}, got {seed}; held-out runs must differ from "
+                "the runs of the search"
+            )
+
+
+FAILED = "failed"
+"""Name of the share of failed runs among bounds."""
+
+OF_FRONTS = ("population", "seeds", "seed")
+"""Keys that only the search for a front reads."""
+
+
+def _is_upper(name: str) -> bool:
+    return quantity_of(name).better != "higher"
+
+
+def _check_metrics(section: TuneSection, experiment: Experiment, problems: Problems) -> None:
+    """Note bounds of metrics that are not stored."""
+    bounded = [("subject_to", name) for name in section.subject_to if name != FAILED]
+    for place in (*bounded, *(("equal", name) for name in section.equal)):
+        with problems.catching(*place):
+            law_search.require_metric(place[1], experiment)
+
+
+def _check_bounds(section: TuneSection, problems: Problems) -> None:
+    """Note bounds without a number, and those that cannot hold."""
+    for name, bound in section.subject_to.items():
+        at, is_mean = problems.at("subject_to", name), not isinstance(bound, WorstRunSection)
+        if name == FAILED:
+            if isinstance(bound, WorstRunSection) or not 0 <= bound < 1:
+                at.add(f"expected a share of the runs, from 0 to below 1, got {shown(bound)}")
+        elif isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
+            at.add("expected `max` or `min`, got neither")
+        elif is_mean and name in section.equal:
+            at.add(f"is in `equal`, too; leave {name} out here")
+
+
+def _check_size(section: TuneSection, problems: Problems, *, proves: bool) -> None:
+    """Note keys of another kind of search."""
+    is_front = section.objectives is not None
+    if section.equal and (is_front or proves):
+        why = "a front has laws at every cost" if is_front else "a proof takes no runs"
+        problems.at("equal").add(f"{why}; leave it out")
+    if is_front and "samples" in section.model_fields_set:
+        problems.at("samples").add("a front is searched on one training sample; leave it out")
+    for name in () if is_front else OF_FRONTS:
+        if getattr(section, name) is not None:
+            problems.at(name).add(
+                "belongs to the search for a front (`objectives`); the search for one objective "
+                "has `samples`, and `budget` is its largest number of points"
             )
 
 
@@ -371,6 +515,107 @@ class Tuned:
                 for seed, left in self.searches.items()
             ],
         }
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A law that was tuned on several training samples.
+
+    Attributes
+    ----------
+    law
+        The search for the law.
+    best
+        What was found on each sample, by its number.
+    """
+
+    search: Search
+    law: LawSearch
+    best: dict[int, Best]
+
+    @cached_property
+    def winner(self) -> int | None:
+        """The sample with the middle objective of those with gains; None if no sample has any.
+
+        Its gains are those of the law: a sample with hard starts, or with easy ones, has others.
+        """
+        costs = {
+            sample: float(best.tried.costs[best.point])
+            for sample, best in self.best.items()
+            if best.point is not None
+        }
+        ordered = sorted(costs, key=costs.__getitem__)
+        return ordered[(len(ordered) - 1) // 2] if ordered else None
+
+    def label(self, sample: int) -> str | None:
+        """Return the label in the confirmation of the gains of a sample; None if it has none."""
+        if self.best[sample].point is None:
+            return None
+        label = self.law.label
+        return label if sample == self.winner else f"{label}, sample {sample}"
+
+    def values(self, sample: int) -> dict[str, float]:
+        """Return the values that were found on a sample, by key."""
+        best = self.best[sample]
+        return self.law.values(best.tried.shares[best.point].tolist())
+
+    @property
+    def confirmed(self) -> dict[str, dict[str, float]]:
+        """Values of all tuned laws in the confirmation, by label: the winner first."""
+        there = [sample for sample in self.best if self.label(sample) is not None]
+        there.sort(key=lambda sample: sample != self.winner)
+        return {str(self.label(sample)): self.values(sample) for sample in there}
+
+    def record(self) -> dict[str, Any]:
+        """Return the winner, and what was found on each sample, for the record of the search."""
+        law, searches = self.law, [self._searched(sample) for sample in self.best]
+        won = [one for one in searches if one["label"] == law.label]
+        config = law_search.config_files(TUNE, law, 1)[0]
+        return {
+            "label": law.label,
+            "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},
+            "start": started(law.label),
+            "why": None if won else self._why(),
+            "winners": [
+                one | {"config": config, "objectives": one["objectives"][0]} for one in won
+            ],
+            "searches": searches,
+        }
+
+    def _searched(self, sample: int) -> dict[str, Any]:
+        best = self.best[sample]
+        tried, at = best.tried, best.point
+        gains: dict[str, Any] = {"label": None, "objectives": []}
+        if at is not None:
+            gains = {
+                "label": self.label(sample),
+                "values": self.values(sample),
+                "objectives": [[float(tried.costs[at])]],
+                "measured": tried.measured[at].tolist(),
+                "failed": float(tried.lost[at]),
+                "unsettled": int(tried.unsettled[at]),
+            }
+        seed = self.search.base.config.ensemble.seed + sample - 1
+        return gains | {"sample": sample, "seed": seed, "points": len(tried), "ended": best.ended}
+
+    def _why(self) -> str:
+        """Say what no point keeps, of the nearest one of all samples."""
+        nearest = []
+        for best in self.best.values():
+            over = np.maximum(np.nan_to_num(best.tried.excess(self.search.bounds), nan=1.0), 0)
+            lost = np.maximum(best.tried.lost - self.search.allowed, 0)
+            nearest.append((over.sum(axis=1) + lost, over, best.tried))
+        violation, over, tried = min(nearest, key=lambda each: float(each[0].min()))
+        at = int(violation.argmin())
+        words = [
+            f"{bound.metric} is at best {tried.measured[at, k]:.4g}, and {bound} was asked for"
+            for k, bound in enumerate(self.search.bounds)
+            if over[at, k] > 0
+        ]
+        if tried.lost[at] > self.search.allowed:
+            share = f"{100 * tried.lost[at]:.3g} % of the runs fail or lack a number"
+            words.insert(0, f"at best {share}; tune.subject_to.{FAILED} allows a share of them")
+        return "; ".join(words) or "no point has a number"
 
 
 def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:

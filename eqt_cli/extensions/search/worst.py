@@ -66,6 +66,12 @@ class WorstSearch(Searches[WorstSection]):
     judging = "for the picture along all keys (worst.profile)"
 
     @property
+    def evolution(self) -> tuple[int, int, range]:
+        """Number of generations, points of each, and seeds of the searches for each law."""
+        first, section = self.section.seed, self.section
+        return section.budget, section.population, range(first, first + section.seeds)
+
+    @property
     def objective(self) -> str:
         """The metric whose worst value is searched."""
         return self.section.objective
@@ -263,7 +269,7 @@ def _search_record(
 ) -> dict[str, Any]:
     """Describe what each search found at worst, by seed, and how many runs did not settle."""
     axes, points, unsettled = dict(zip(law.written, law.axes.values(), strict=True)), 0, 0
-    for seeds in folder.groups(law, search.seeds):
+    for seeds in folder.groups(law, search.evolution[2]):
         # Of the first generations, which are spread over the ranges
         with open_result(folder.generation(law, seeds, 0)[0]) as result:
             scored = search.scores(result)

@@ -157,8 +157,8 @@ solver: {engine: solve_ivp, rtol: 1.0e-6, cross_check: 0, block: 50}
 """
 SWEEP = CONFIG + "sweep: [{grid: {gains.kp: [1, 2, 3]}}]\n"
 TUNE = CONFIG.replace("runs: 50", "runs: 4") + (
-    "tune: {over: {gains.kp: [0.5, 2]}, objective: effort, budget: 2, population: 5,"
-    " confirm: {runs: 4}}\n"
+    "tune: {over: {gains.kp: [0.5, 2]}, objective: effort, budget: 10, samples: 2, "
+    "confirm: {runs: 4}}\n"
 )
 
 

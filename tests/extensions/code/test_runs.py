@@ -162,9 +162,8 @@ def test_its_numbers_are_tuned(written, config):
     tune = {
         "over": {"controllers[0].numbers.kR": [0.5, 10]},
         "objective": "mean_pose_error",
-        "budget": 1,
-        "population": 5,
-        "seeds": 1,
+        "budget": 5,
+        "samples": 1,
         "confirm": {"runs": 2},
     }
     found = eqt_cli.tune(config(over={"tune": tune}), out="t")

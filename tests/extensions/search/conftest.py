@@ -7,6 +7,7 @@ import pytest
 from small_experiment import mapping
 
 from eqt_cli import api
+from eqt_cli.extensions.search import training
 from eqt_cli.results.result import Result
 
 SMALL = mapping(
@@ -18,9 +19,8 @@ SMALL = mapping(
     tune={
         "over": {"gains.kp": {"log": [0.1, 10]}, "controllers[1].gyroscopic": [0, 2]},
         "objective": "mean_pose_error",
-        "budget": 2,
-        "population": 5,
-        "seeds": 1,
+        "budget": 8,
+        "samples": 1,
         "confirm": {"runs": 6, "seed": 9},
     },
 )
@@ -65,13 +65,19 @@ def small():
 
 @pytest.fixture(scope="module")
 def searched_twice(tmp_path_factory):
-    """A tuning of two laws with two search seeds, after one with the first of them."""
+    """A tuning of two laws on two training samples, after one on the first of them."""
     folder = tmp_path_factory.mktemp("twice") / "t"
-    few = {"budget": 1, "confirm": {"runs": 3, "seed": 9}, "over": {"gains.kp": [0.5, 5]}}
+    few = {"budget": 5, "confirm": {"runs": 3, "seed": 9}, "over": {"gains.kp": [0.5, 5]}}
     tune = SMALL["tune"] | few
-    api.tune(SMALL | {"tune": tune}, folder)
-    first = folder / "generations/eqt/seeds-0-0/000/results.h5"
-    before = first.stat().st_mtime_ns
-    record = api.tune(SMALL | {"tune": tune | {"seeds": 2}}, folder).record
-    assert first.stat().st_mtime_ns == before  # a further search computes no earlier one anew
+    first = api.tune(SMALL | {"tune": tune}, folder).record
+    with pytest.MonkeyPatch.context() as patch:
+        tried = []
+        computed = training.computed
+        patch.setattr(
+            training, "computed", lambda s, *a, **k: tried.extend(s) or computed(s, *a, **k)
+        )
+        record = api.tune(SMALL | {"tune": tune | {"samples": 2}}, folder).record
+    # A further sample computes no earlier one anew.
+    assert {study.base.config.ensemble.seed for study in tried} == {2}
+    assert first["laws"][0]["searches"][0]["values"] == record["laws"][0]["searches"][0]["values"]
     return folder, record

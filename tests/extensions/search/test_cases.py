@@ -1,5 +1,6 @@
 """Tuning over named cases: how they are joined, what is run, what is said of the winners."""
 
+import json
 import re
 from copy import deepcopy
 
@@ -28,9 +29,8 @@ WHEEL = small_experiment.WHEEL | {
         "over": {"gains.kp": [0.1, 1]},
         "objective": "mean_pose_error",
         "subject_to": {"final_pose_error": 1.0},
-        "budget": 1,
-        "population": 5,
-        "seeds": 1,
+        "budget": 5,
+        "samples": 1,
         "cases": {"ideal": {}, "late": {"control.delay": 1}},
         "over_cases": "worst",
         "confirm": {"runs": 6},
@@ -50,6 +50,16 @@ def tuned(tmp_path_factory):
     return api.tune(deepcopy(WHEEL), folder), folder
 
 
+def tried_in(folder):
+    """All points that a search has tried, by law and sample."""
+    tried = {}
+    for batch in sorted(folder.glob("generations/*.json")):
+        for name, of_batch in json.loads(batch.read_text())["tried"].items():
+            for key, values in of_batch.items():
+                tried.setdefault(name, {}).setdefault(key, []).extend(values)
+    return tried
+
+
 def test_the_mean_and_the_worst_of_cases_choose_different_points():
     def of(*objectives, violation=0.0):
         none = np.zeros(2, dtype=int)
@@ -64,27 +74,28 @@ def test_the_mean_and_the_worst_of_cases_choose_different_points():
     assert Population(np.eye(2), kept).best == 0  # a bound is to hold in each case
 
 
-def test_a_point_is_scored_by_its_worst_case(tuned):
+def test_a_point_is_scored_by_its_worst_case(tuned, tmp_path):
     done, folder = tuned
-    found = folder / "generations/stabilising/seeds-0-0"
-    means = []
-    for name in ("000-case-1", "000-case-2"):
-        with open_result(found / name) as result:
-            means.append(result.metric("mean_pose_error")[:, 0].mean(axis=1))
-            values = result.coordinate("gains.kp")
-    worst = np.max(means, axis=0)
+    [law], [search] = done.search.laws, tried_in(folder).values()
     (winner,) = done.record["laws"][0]["winners"]
-    assert winner["objectives"] == [worst.min()]
-    assert winner["values"] == {"gains.kp": values[worst.argmin()]}
+    best = int(np.argmin(search["costs"]))
+    assert winner["objectives"] == [search["costs"][best]]
+    assert winner["values"] == law.values(search["shares"][best])
+    means = []
+    for case in ("ideal", "late"):  # as an ordinary sweep runs them
+        settings = WHEEL["tune"]["cases"][case]
+        values = [law.values(row)["gains.kp"] for row in search["shares"]]
+        sweep = [{"cases": {case: settings}}, {"grid": {"gains.kp": values}}]
+        config = {key: each for key, each in WHEEL.items() if key != "tune"} | {"sweep": sweep}
+        swept = api.sweep(config, out=tmp_path / case)
+        means.append(swept["mean_pose_error"].reshape(len(values), -1).mean(axis=1))
+    np.testing.assert_allclose(search["costs"], np.max(means, axis=0), rtol=1e-5)
 
 
 def test_the_runs_are_as_many_as_a_dry_run_says(tuned):
     done, folder = tuned
-    counted = 0
-    for generation in folder.glob("generations/*/*/*"):
-        with open_result(generation) as result:
-            counted += result.status.size
-    search = read()
+    [search] = tried_in(folder).values()
+    counted, search = len(search["costs"]) * 2 * 2, read()
     assert (counted, done.judged.runs) == (search.searched_runs, search.judging_runs) == (20, 24)
 
 
@@ -109,7 +120,7 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
         tables["tuned"]
         .notes[0]
         .startswith(
-            "Searched: 1 generation of 5 points, each of 2 runs in each of 2 cases, for every law,"
+            "Searched: 5 of at most 5 points for every law on 1 training sample of 2 runs in each"
         )
     )
     assert tables["tuned"].notes[1] == (

@@ -17,9 +17,8 @@ tune:
   over: {gains.kp: {log: [0.1, 10]}, gains.kd: {log: [0.1, 10]}}
   objective: mean_pose_error
   subject_to: {effort: {max: %s}}
-  budget: 2
-  population: 5
-  seeds: 1
+  budget: 8
+  samples: 3
   confirm: {runs: 6}
 """
 WORST = """\
@@ -69,10 +68,10 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
         assert line in done.out
     assert len(done.out.splitlines()) <= 16
     for line in (
-        "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
+        "Searched: 8 of at most 8 points for every law on 3 training samples of 3 runs.",
         "Constraints on the held-out runs",
-        "Paired differences from the same initial states",
-        "GT against EqT, in % of EqT",
+        "Tuned laws against each other, over 3 training samples and 6 runs",
+        "GT against EqT",
     ):
         assert line not in done.out
         assert line in eqt("show", "results/t-tuned").out
@@ -101,12 +100,13 @@ def test_as_json(eqt, config):
 
 
 def test_a_bound_that_no_point_keeps_ends_with_4_and_the_least_violation(eqt, config):
-    never = config.read_text().replace("1000", "1.0e-9").replace("budget: 2", "budget: 1")
+    never = config.read_text().replace("1000", "1.0e-9").replace("budget: 8", "budget: 2")
     config.write_text(never, encoding="utf-8")
     done = eqt("tune", config)
     assert done.code == 4
-    assert "no feasible point of eqt: the least violation is" in done.out
-    assert "no feasible point of gt: the least violation is" in done.out
+    for law in ("eqt", "gt"):
+        asked = r"effort is at best [\d.]+, and effort ≤ 1e-09 in every run was asked for"
+        assert re.search(f"no feasible point of {law}: {asked}", done.out)
     assert not Path("results/t-tuned/tuned").exists()
 
 
@@ -119,7 +119,7 @@ def test_an_interruption_says_the_best_so_far(eqt, config, monkeypatch):
     assert done.code == 130
     assert "interrupted; the search is kept in results/t-tuned: run the same" in done.err
     assert re.search(
-        r"^  eqt, 1 seed, generation (\d)/\1, best so far: mean_pose_error [\d.]+ at kp ",
+        r"^  eqt, 3 points on 3 training samples, best so far: mean_pose_error [\d.]+ at kp ",
         done.err,
         re.M,
     )
@@ -138,12 +138,12 @@ def test_a_dry_run_says_points_runs_and_time_and_searches_nothing(eqt, config):
     done = eqt("tune", config, "--dry-run", "--workers", "1")
     assert (done.code, done.err) == (0, "")
     points, runs, time = done.out.splitlines()
-    assert points == "2 laws × 1 search × 2 generations × 5 points = 20"
-    assert runs == "runs     60 (3 runs at each point), and at most 24 to judge the outcome"
+    assert points == "2 laws × 3 training samples × at most 8 points = 48"
+    assert runs == "runs     144 (3 runs at each point), and at most 48 to judge the outcome"
     assert re.fullmatch(r"time     about \S+ (s|min) with 1 worker", time)
     assert not Path("results").exists()
     found = json.loads(eqt("tune", config, "--dry-run", "--json").out)
-    assert (found["points"], found["runs"]) == (20, 84)
+    assert (found["points"], found["runs"]) == (48, 192)
 
 
 @pytest.fixture

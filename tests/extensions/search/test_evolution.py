@@ -15,8 +15,6 @@ from eqt_cli.extensions.search.fronts import (
     trials,
 )
 
-KEYS = ["gains.kp", "gains.kd"]
-
 
 def scored(objectives, violation=0):
     objectives, none = np.array(objectives, float), np.zeros(len(objectives))
@@ -24,10 +22,10 @@ def scored(objectives, violation=0):
 
 
 def searched(judge, dimensions, generations, count=32):
-    shares = first_points(count, KEYS[:dimensions], None, 3)
+    shares = first_points(count, dimensions, None, 3)
     population = Population(shares, judge(shares))
     for number in range(1, generations):
-        shares = trials(population, generator(3, "f", number))
+        shares = trials(population, generator(3, number))
         population = selected(population, Population(shares, judge(shares)))
     return population
 
@@ -42,7 +40,7 @@ def test_it_comes_as_close_as_the_search_of_scipy():
     def batch(shares):
         return rosenbrock(shares.T)
 
-    start = first_points(32, KEYS, None, 3)
+    start = first_points(32, 2, None, 3)
     theirs = differential_evolution(
         batch,
         [(0, 1)] * 2,
@@ -85,37 +83,37 @@ def test_a_front_is_found_as_a_whole():
     assert np.diff(np.sqrt(front[:, 0])).max() < 0.2  # without a large gap
 
 
-def test_a_generation_depends_on_seed_name_and_number_only():
-    shares = first_points(8, KEYS, None, 1)
+def test_a_generation_depends_on_seed_and_number_only():
+    shares = first_points(8, 2, None, 1)
     population = Population(shares, scored(rosenbrock(shares)[:, None]))
-    again = trials(population, generator(1, "eqt", 5))
-    assert np.array_equal(trials(population, generator(1, "eqt", 5)), again)
-    for other in (generator(2, "eqt", 5), generator(1, "gt", 5), generator(1, "eqt", 6)):
+    again = trials(population, generator(1, 5))
+    assert np.array_equal(trials(population, generator(1, 5)), again)
+    for other in (generator(2, 5), generator(1, 6)):
         assert not np.array_equal(trials(population, other), again)
 
 
 def test_trials_that_leave_the_box_are_drawn_anew_or_become_its_ends():
     shares = np.array([[0.0], [0.1], [0.9], [1.0], [0.95]])
     population = Population(shares, scored(-shares))  # the best is at the end
-    drawn, kept = (trials(population, generator(1, "eqt", 5), ends) for ends in (False, True))
+    drawn, kept = (trials(population, generator(1, 5), ends) for ends in (False, True))
     assert not (drawn == 1).any()
     assert (kept[drawn != kept] % 1 == 0).all()
     assert (kept == 1).sum() >= 1
 
 
 def test_the_start_is_among_the_first_points():
-    shares = first_points(8, KEYS, (0.25, 0.5), 1)
+    shares = first_points(8, 2, (0.25, 0.5), 1)
     assert shares[0].tolist() == [0.25, 0.5]
     assert ((shares >= 0) & (shares <= 1)).all()
 
 
 def test_laws_start_from_the_same_values_of_the_keys_that_they_share():
-    shares = first_points(8, KEYS, None, 1)
-    more = first_points(8, ["controllers[0].slope", *KEYS], None, 1)
-    assert np.array_equal(more[:, 1:], shares)
+    shares = first_points(8, 2, None, 1)
+    more = first_points(8, 3, None, 1)
+    assert np.array_equal(more[:, :2], shares)
     for column in more.T:  # a Latin hypercube: one value in each eighth
         assert sorted((8 * column).astype(int)) == list(range(8))
-    assert not np.array_equal(first_points(8, KEYS, None, 2), shares)
+    assert not np.array_equal(first_points(8, 2, None, 2), shares)
 
 
 # Which of scored points is better

@@ -59,7 +59,7 @@ def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small):
     tuned = of_cascade.at(of_cascade.values([1.0, 0.0])).data["controllers"][0]
     assert (tuned["gains"]["kp"], tuned["position"]["kx"]) == (1.5, 2.0)
     small["tune"]["subject_to"] = {"effort_rotation": 2}  # a part, where units are mixed
-    assert [(b.metric, b.above) for b in read(small).constraints] == [("effort_rotation", True)]
+    assert [(b.metric, b.above) for b in read(small).bounds] == [("effort_rotation", True)]
     del small["gains"]  # where no law reads it
     small["controllers"], small["tune"]["over"] = [cascade], {"controllers[0].gains.kd": [0.1, 1]}
     assert read(small).laws[0].document.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
@@ -93,9 +93,9 @@ def test_one_number_for_several_entries(small):
 
 def test_only_the_numbers_of_generations_and_searches_may_change_between_sessions(small):
     digest = read(small).digest
-    small["tune"] |= {"budget": 7, "seeds": 4}
+    small["tune"] |= {"budget": 7, "samples": 4}
     assert read(small).digest == digest
-    small["tune"]["seed"] = 7
+    small["tune"]["equal"] = {"effort": 7}
     assert read(small).digest != digest
 
 
@@ -132,10 +132,10 @@ def test_a_key_is_named_as_it_is_written(small, key, wrong):
 
 def test_a_bound_of_the_mean_is_on_the_side_that_is_worse(small):
     small["tune"]["subject_to"] = {"effort": 3, "settled": 0.9, "peak_torque": {"max": 2}}
-    assert [str(bound) for bound in read(small).constraints] == [
+    assert [str(bound) for bound in read(small).bounds] == [
         "effort ≤ 3 in the mean",
-        "settled ≥ 0.9 in the mean",
         "peak_torque ≤ 2 in every run",
+        "settled ≥ 0.9 in the mean",
     ]
 
 

@@ -27,9 +27,8 @@ WEIGHT, VELOCITY = "controllers[0].weights.pose", "controllers[0].weights.veloci
 TUNE = {
     "over": {WEIGHT: {"log": [0.1, 100]}, "gains.kp": [0.5, 2]},
     "objective": "mean_pose_error",
-    "budget": 1,
-    "population": 5,
-    "seeds": 1,
+    "budget": 5,
+    "samples": 1,
     "confirm": {"runs": 2, "seed": 9},
 }
 

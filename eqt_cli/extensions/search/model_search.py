@@ -1,0 +1,447 @@
+"""The search for the best point of one objective under bounds, by models of what was tried.
+
+The points tried first are a grid, or a net of Sobol's. Then cubic radial basis functions through
+the logarithms of the objective and of what is bounded say where the best point is. Some points are
+tried about it, most of them where the bound is met, in a box that shrinks, until two batches in a
+row confirm the model. Nothing is drawn: equal numbers give equal points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.extensions.search.fronts import Constraint
+
+GRID = 4
+"""Values along each of two axes that are tried first."""
+
+NET = 8
+"""Points for each of another number of axes that are tried first."""
+
+BATCH = 5
+"""Points of a later batch. Of 30 to 60 points, 5 at a time are as good as one at a time."""
+
+NEAR = 1e-4
+"""Least distance of a point from those that were tried; nearer ones make the models singular."""
+
+BOX, SMALLEST = 0.25, 0.01
+"""Half the width of the box about the best point, first and at last."""
+
+QUIET = 1e-3
+"""Relative gain of a batch below which the search was right; the models then miss the objective at
+their best point by less than twice as much."""
+
+SPENT = 2e-3
+"""Distance from a bound, as a share, within which a point is on it."""
+
+INSIDE = 5e-4
+"""Share of a bound that points leave free, since the models miss it by about so much."""
+
+SAME_ERROR = 0.01
+"""Share of the objective that a law may lose to spend what it has to spend: the accuracy of the
+search. In a flat valley the objective does not say how much to spend."""
+
+EQUAL = 0.01
+"""Relative difference within which what a law spends is equal to what it has to spend."""
+
+FLOOR = 1e-9
+"""Share of a positive bound, or of the largest objective, below which numbers count as so large."""
+
+BOLD = 0.3
+"""Share of lost runs above the allowed one at which the other points of a batch are tried, too."""
+
+OVER, LOSS = 3.0, 10.0
+"""Weights of an excess, and of failed runs, against the logarithm of the objective."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Points that were tried, with their means over runs.
+
+    Attributes
+    ----------
+    shares : (points, axes)
+        Coordinates in the unit cube.
+    costs : (points,)
+        Objective, lower is better, over the runs with all numbers; NaN without such a run.
+    measured : (points, bounds)
+        What is bounded, over the same runs.
+    lost : (points,)
+        Share of the runs that failed or lack a number.
+    unsettled : (points,)
+        Number of runs that did not settle.
+    """
+
+    shares: Array
+    costs: Array
+    measured: Array
+    lost: Array
+    unsettled: Array
+
+    def __len__(self) -> int:
+        return len(self.costs)
+
+    def joined(self, more: Tried) -> Tried:
+        """Return these points and more of them."""
+        names = (each.name for each in fields(self))
+        return Tried(*(np.concatenate([getattr(x, name) for x in (self, more)]) for name in names))
+
+    def excess(self, bounds: Sequence[Constraint]) -> Array:
+        """Return by how much each bound is exceeded, ``(points, bounds)``; below 0 where it holds.
+
+        It is the logarithm of the ratio, or, of a bound that is not positive, the difference as a
+        share.
+        """
+        columns = [np.empty((len(self), 0))]
+        for bound, values in zip(bounds, self.measured.T, strict=True):
+            with np.errstate(invalid="ignore"):
+                if bound.bound > 0:
+                    over = np.log(np.maximum(values, FLOOR * bound.bound) / bound.bound)
+                else:
+                    over = (values - bound.bound) / (abs(bound.bound) or 1.0)
+            columns.append((over if bound.above else -over)[:, None])
+        return np.concatenate(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class Best:
+    """What a search found.
+
+    Attributes
+    ----------
+    tried
+        All points.
+    point
+        Index of the best one; None if no point keeps the bounds.
+    ended
+        Why the search ended: it was sure, or its points were used.
+    """
+
+    tried: Tried
+    point: int | None
+    ended: Literal["sure", "budget"]
+
+
+def first_points(axes: int, budget: int, number: int) -> Array:
+    """Return the points tried first, ``(points, axes)``; each sample, by number, has others.
+
+    They are the centres of a grid of two axes, else Sobol's sequence without its first point, which
+    is the corner. For later samples, all are moved by a point of a Kronecker sequence: those of the
+    grid within their cells, the others round the torus.
+    """
+    root = np.roots([1.0, *(axes - 1) * [0.0], -1.0, -1.0]).real.max()  # the golden ratio of 1 axis
+    moved = (0.5 + number * root ** -np.arange(1.0, axes + 1)) % 1 - 0.5
+    if axes == 2 and budget >= GRID**2:
+        centres = (np.arange(GRID) + 0.5) / GRID
+        grid = np.stack(np.meshgrid(centres, centres, indexing="ij"), axis=-1)
+        return np.asarray(grid.reshape(-1, 2) + moved * (1 - 1 / GRID) / GRID)[:budget]
+    count = min(NET * axes, budget)
+    return np.asarray((_net(axes)[1 : count + 1] + moved) % 1)
+
+
+@cache
+def _candidates(axes: int) -> Array:
+    """Return points of the unit cube, those on its faces included, that models are asked about."""
+    if axes <= 2:
+        along = np.linspace(0, 1, 401 if axes == 1 else 61)
+        return np.stack(np.meshgrid(*axes * [along], indexing="ij"), axis=-1).reshape(-1, axes)
+    return np.clip(1.06 * _net(axes) - 0.03, 0, 1)
+
+
+def _net(axes: int) -> Array:
+    """Return the first points of Sobol's sequence, ``(4096, axes)``."""
+    from scipy.stats import qmc  # slow to import, and not needed for two axes
+
+    return np.asarray(qmc.Sobol(axes, scramble=False).random_base2(12))
+
+
+@dataclass
+class ModelSearch:
+    """A search in the unit cube.
+
+    Parameters
+    ----------
+    axes, budget
+        Number of axes, and of points.
+    bounds
+        What each column of `Tried.measured` is bounded by.
+    allowed
+        Largest share of lost runs.
+    number
+        Number of the training sample.
+    start
+        A point to try among the first; None without one.
+    snapped
+        Returns the nearest points that can be tried, where some axes have whole numbers only.
+    """
+
+    axes: int
+    budget: int
+    bounds: Sequence[Constraint]
+    allowed: float = 0.0
+    number: int = 0
+    start: Sequence[float] | None = None
+    snapped: Callable[[Array], Array] = lambda shares: shares
+    tried: Tried | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self.equal = np.array([bound.equal for bound in self.bounds], dtype=bool)
+        self.aims = np.where(self.equal, 0.0, -INSIDE)
+        self.most = np.where(self.equal, QUIET, 0.0)
+
+    @property
+    def left(self) -> int:
+        """Number of points that may still be tried."""
+        return self.budget - (0 if self.tried is None else len(self.tried))
+
+    def points(self) -> Generator[Array, Tried, Best]:
+        """Yield batches of points ``(points, axes)``; what is sent back says how good they are."""
+        first = first_points(self.axes, self.budget, self.number)
+        if self.start is not None:  # another point as near to it gives its place
+            away = np.abs(first - self.start).max(axis=1)
+            first = np.concatenate([[self.start], np.delete(first, away.argmin(), axis=0)])
+        self.tried = yield self._distinct(first, [])
+        half, quiet, low, high = BOX, 0, np.zeros(self.axes), np.ones(self.axes)
+        reserved = 3 if self.equal.any() else 0  # points to spend what is to be spent
+        ended: Literal["sure", "budget"] = "budget"
+        while self.left > reserved:
+            models = _Models.of(self.tried, self.bounds, self.allowed)
+            if models is None:  # nothing to learn from: no point has numbers
+                more = self._distinct(_candidates(self.axes)[len(self.tried) :: 97], [])
+                if not len(more):
+                    break
+                self.tried = self.tried.joined((yield more[: min(BATCH, self.left - reserved)]))
+                continue
+            batch, promised = self._proposed(models, low, high, half)
+            batch = batch[: self.left - reserved]
+            before = self.best()
+            if len(batch):
+                self.tried = self.tried.joined((yield batch))
+            now = self.best()
+            centre = self.tried.shares[self._merit().argmin()]
+            width = 0.1 * (high - low)
+            inside = ((centre > low + width) | (low <= 0)) & ((centre < high - width) | (high >= 1))
+            if not len(batch) or inside.all():
+                half = max(half / 2, SMALLEST)
+            low, high = np.maximum(centre - half, 0), np.minimum(centre + half, 1)
+            confirmed = now is not None and self._confirms(before, now, promised)
+            quiet = quiet + 1 if confirmed or not len(batch) else 0
+            if quiet == 2:
+                ended = "sure"
+                break
+        best = self.best()
+        if best is not None and self.equal.any():
+            best = yield from self._spending(best)
+        return Best(self.tried, best, ended)
+
+    def best(self) -> int | None:
+        """Return the best point that keeps the bounds, the first of equal ones; None without."""
+        assert self.tried is not None
+        over = self.tried.excess(self.bounds)
+        good = (over <= self.most).all(axis=1) & (self.tried.lost <= self.allowed)
+        good &= np.isfinite(self.tried.costs)
+        if not good.any():
+            return None
+        return int(np.where(good, self.tried.costs, np.inf).argmin())
+
+    def _merit(self) -> Array:
+        """Return how far points are from the best, also those beyond the bounds."""
+        assert self.tried is not None
+        over = np.maximum(self.tried.excess(self.bounds), 0).sum(axis=1)
+        lost = np.maximum(self.tried.lost - self.allowed, 0)
+        merit = _levels(self.tried.costs) + OVER * over + LOSS * lost
+        return np.where(np.isfinite(merit), merit, np.inf)
+
+    def _confirms(self, before: int | None, now: int, promised: tuple[float, Array]) -> bool:
+        """Whether a batch gained nothing, and the models were right about their best point."""
+        assert self.tried is not None
+        levels, over = _levels(self.tried.costs), self.tried.excess(self.bounds)[now]
+        if before is None or levels[before] - levels[now] >= QUIET:
+            return False
+        level, expected = promised
+        # A bound that the models find on their way has to be met; a slack one has not.
+        met = (over > -SPENT) | (expected < -2 * SPENT)
+        return bool(abs(level - levels[now]) < 2 * QUIET and met.all())
+
+    def _distinct(self, points: Array, taken: Sequence[Array], apart: float = NEAR) -> Array:
+        """Return those points, as they can be tried, that are apart from all others."""
+        others = [] if self.tried is None else [*self.tried.shares]
+        chosen: list[Array] = []
+        for point in self.snapped(np.clip(points, 0, 1)):
+            rest = np.array([*others, *taken, *chosen]).reshape(-1, self.axes)
+            if not len(rest) or np.linalg.norm(rest - point, axis=1).min() >= apart:
+                chosen.append(point)
+        return np.array(chosen).reshape(-1, self.axes)
+
+    def _proposed(
+        self, models: _Models, low: Array, high: Array, half: float
+    ) -> tuple[Array, tuple[float, Array]]:
+        """Return the next batch, and the level and the excesses that the models promise of it."""
+        assert self.tried is not None
+        inside = ((self.tried.shares >= low) & (self.tried.shares <= high)).all(axis=1)
+        grid = low + (high - low) * _candidates(self.axes)
+        grid = np.concatenate([grid, self.tried.shares[inside & (self.axes > 2)]])
+        levels, over, lost = models(grid)
+        keeps = ((over - self.aims) <= 2e-4).all(axis=1)
+        good = keeps & (lost <= self.allowed + 1e-3)
+        beyond = np.maximum(over - self.aims, 0).sum(axis=1) + np.maximum(lost - self.allowed, 0)
+        order = np.lexsort((levels, np.where(good, 0.0, beyond)))
+        best = grid[order[0]]
+        if good.any():
+            starts = grid[order[: 1 if self.axes <= 2 else 60 : 20]]
+            polished = models.polished(starts, low, high, self.aims)
+            if models(polished[None])[2] <= self.allowed + 1e-3:
+                best = polished
+        level, excess, _ = models(best[None])
+        batch = list(self._distinct(best[None], []))
+        far = np.ones(len(grid), dtype=bool)
+        for point in self.tried.shares:
+            far &= np.linalg.norm(grid - point, axis=1) >= half / 4
+        if good.any():  # runs fail behind an edge that the models see too early
+            far &= keeps & (lost <= self.allowed + BOLD)
+            order = np.lexsort((levels, ~far))
+        far &= np.linalg.norm(grid - best, axis=1) >= half / 2
+        while len(batch) < BATCH and far[order].any():
+            point = grid[order[far[order].argmax()]]
+            batch += list(self._distinct(point[None], batch))
+            far &= np.linalg.norm(grid - point, axis=1) >= half / 2
+        return np.array(batch).reshape(-1, self.axes), (float(level[0]), excess[0])
+
+    def _spending(self, best: int) -> Generator[Array, Tried, int]:
+        """Try points that spend what is to be spent, where the best point spends less."""
+        assert self.tried is not None
+
+        def spends() -> Array:
+            assert self.tried is not None
+            over = self.tried.excess(self.bounds)
+            good = (over <= self.most).all(axis=1) & (over[:, self.equal] >= -EQUAL).all(axis=1)
+            return good & (self.tried.lost <= self.allowed) & np.isfinite(self.tried.costs)
+
+        while self.left and not spends()[best]:
+            models = _Models.of(self.tried, self.bounds, self.allowed)
+            if models is None:
+                break
+            grid = _candidates(self.axes)
+            levels, over, _ = models(grid)
+            beyond = np.abs(over[:, self.equal]).max(axis=1)
+            near = beyond <= 3 * EQUAL
+            order = np.lexsort((np.where(near, levels, beyond), ~near))
+            starts = grid[order[:3]]
+            zeros, ones = np.zeros(self.axes), np.ones(self.axes)
+            point = models.polished(starts, zeros, ones, self.aims, self.equal)
+            level, excess, _ = models(point[None])
+            now = _levels(self.tried.costs)[best]
+            reachable = (np.abs(excess[0][self.equal]) < EQUAL).all()
+            if not reachable or level[0] > now + 3 * SAME_ERROR:
+                break
+            batch = self._distinct(point[None], [])
+            if not len(batch):
+                break
+            self.tried = self.tried.joined((yield batch))
+        levels, spending = _levels(self.tried.costs), spends()
+        if spending.any() and not spending[best]:
+            nearest = int(np.where(spending, self.tried.costs, np.inf).argmin())
+            if levels[nearest] <= levels[best] + SAME_ERROR:
+                return nearest
+        return best
+
+
+def _levels(costs: Array) -> Array:
+    """Return the logarithms of costs, or costs as shares of the largest where some are below 0."""
+    largest = np.nanmax(np.abs(costs), initial=0.0) or 1.0
+    if np.nanmin(costs, initial=np.inf) < 0:
+        return np.asarray(costs / largest)
+    return np.asarray(np.log(np.maximum(costs, FLOOR * largest)))
+
+
+@dataclass(frozen=True)
+class _Models:
+    """Models of the level of the objective, of the excesses over bounds, and of lost runs."""
+
+    numbers: Any
+    lost: Any
+
+    @classmethod
+    def of(cls, tried: Tried, bounds: Sequence[Constraint], allowed: float) -> _Models | None:
+        """Return models through all points with numbers; None if they are too few."""
+        from scipy.interpolate import RBFInterpolator
+
+        columns = np.column_stack([_levels(tried.costs), tried.excess(bounds)])
+        # A point where only some runs failed still says what the others do.
+        known = np.isfinite(columns).all(axis=1) & (tried.lost < 1)
+        axes = tried.shares.shape[1]
+        centred = tried.shares[known] - tried.shares[known].mean(axis=0) if known.any() else []
+        if np.count_nonzero(known) < axes + 2 or np.linalg.matrix_rank(centred) < axes:
+            return None
+        numbers = RBFInterpolator(tried.shares[known], columns[known], kernel="cubic")
+        lost = None
+        if (tried.lost > allowed).any():  # linear, which overshoots no step
+            lost = RBFInterpolator(tried.shares, tried.lost, kernel="linear")
+        return cls(numbers, lost)
+
+    def __call__(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return the level, the excesses ``(points, bounds)``, and the share of lost runs."""
+        columns = self.numbers(points)
+        lost = np.zeros(len(points)) if self.lost is None else self.lost(points)
+        return columns[:, 0], columns[:, 1:], lost
+
+    def polished(
+        self, starts: Array, low: Array, high: Array, aims: Array, equal: Array | None = None
+    ) -> Array:
+        """Return the best point of the models in a box, from several starts; the bounds hold there.
+
+        Parameters
+        ----------
+        equal
+            Which bounds have to be met exactly; None for none.
+        """
+        from scipy.optimize import minimize
+
+        axes, step = len(low), 1e-6
+        offsets = step * np.concatenate([np.zeros((1, axes)), np.eye(axes), -np.eye(axes)])
+        memory: dict[bytes, tuple[Array, Array]] = {}
+
+        def at(point: Array) -> tuple[Array, Array]:
+            """Return all columns at a point, and their slopes ``(axes, columns)``."""
+            if (key := point.tobytes()) not in memory:
+                columns = self.numbers(point + offsets)
+                slopes = (columns[1 : axes + 1] - columns[axes + 1 :]) / (2 * step)
+                memory[key] = columns[0], slopes
+            return memory[key]
+
+        met = np.zeros(len(aims), dtype=bool) if equal is None else equal
+        kinds = [("eq", np.flatnonzero(met)), ("ineq", np.flatnonzero(~met))]
+        constraints = [
+            {
+                "type": kind,
+                "fun": lambda x, which=which: aims[which] - at(x)[0][1 + which],
+                "jac": lambda x, which=which: -at(x)[1][:, 1 + which].T,
+            }
+            for kind, which in kinds
+            if len(which)
+        ]
+        points = [*starts]
+        for start in starts:
+            done = minimize(
+                lambda x: at(x)[0][0],
+                start,
+                jac=lambda x: at(x)[1][:, 0],
+                method="SLSQP",
+                bounds=list(zip(low, high, strict=True)),
+                constraints=constraints,
+                options={"maxiter": 40, "ftol": 1e-9},
+            )
+            if np.isfinite(done.x).all():
+                points.append(np.clip(done.x, low, high))
+        grid = np.array(points)
+        levels, over, _ = self(grid)
+        off = np.maximum(over - aims, 0)
+        off[:, met] = np.abs(over - aims)[:, met]
+        good = off.max(axis=1, initial=0.0) <= 2e-4
+        return np.asarray(grid[np.lexsort((levels, np.where(good, 0.0, off.sum(axis=1))))[0]])

@@ -1,0 +1,204 @@
+"""Tunes every law on every training sample: all of them side by side, batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.base import files
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import OTHER_FOLDER
+from eqt_cli.base.reporting import brief, count_of, reporter
+from eqt_cli.config.study import study
+from eqt_cli.extensions.search.candidates import Numbers, computed
+from eqt_cli.extensions.search.fronts import Constraint
+from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
+from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
+from eqt_cli.extensions.search.record import values_text
+from eqt_cli.extensions.search.search import columns, swept
+from eqt_cli.results.metrics import quantity_of
+from eqt_cli.results.result import mean_over_runs
+from eqt_cli.runs.executors import Executor
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.search.tune import Search
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """A law on one training sample.
+
+    Attributes
+    ----------
+    law
+        The search for the law.
+    sample
+        Number of the sample, from 1.
+    """
+
+    law: LawSearch
+    sample: int
+
+    def snapped(self, shares: Array) -> Array:
+        """Return the points of the unit cube whose values can be set, as whole numbers can."""
+        axes = [self.law.axes[key] for key in self.law.order]
+        if not any(axis.integer for axis in axes):
+            return shares
+        at = [[a.share(a.at(x)) for a, x in zip(axes, row, strict=True)] for row in shares.tolist()]
+        return np.array(at).reshape(shares.shape)
+
+
+def trained(search: Search, folder: SearchFolder, executor: Executor) -> dict[Training, Best]:
+    """Find the best point of every law on every training sample.
+
+    A batch has points of all searches that have not ended, and runs them side by side. What it
+    gives is written once, so that a search goes on from there bit for bit.
+    """
+    searches = {
+        Training(law, sample): search.by_models(law, sample)
+        for law in search.laws
+        for sample in search.samples
+    }
+    steps = {key: one.points() for key, one in searches.items()}
+    ended, number = dict[Training, Best](), 0
+    with threadpool_limits(1):  # models must not depend on how a library splits a product
+        proposed = {key: next(one) for key, one in steps.items()}
+        while proposed:
+            answers = _answers(search, folder, number, proposed, executor)
+            number, proposed = number + 1, {}
+            for key, answer in answers.items():
+                try:
+                    proposed[key] = steps[key].send(answer)
+                except StopIteration as stopped:
+                    ended[key] = stopped.value
+            for law in search.laws:
+                reporter().note(law.label, _so_far(search, law, searches))
+    tried = sum(len(best.tried) for best in ended.values())
+    reporter().skip((search.points - tried) * search.runs_at_a_point)
+    return {key: ended[key] for key in searches}
+
+
+def _so_far(search: Search, law: LawSearch, searches: Mapping[Training, ModelSearch]) -> str:
+    """Describe the best point of the first sample of a law so far."""
+    of_law = [one for key, one in searches.items() if key.law is law]
+    points = sum(0 if one.tried is None else len(one.tried) for one in of_law)
+    done = f"{count_of(points, 'point')} on {count_of(len(of_law), 'training sample')}"
+    first = of_law[0]
+    best = first.best()
+    if best is None or first.tried is None:
+        return f"{done}, no feasible point so far"
+    values = values_text(law.values(first.tried.shares[best].tolist()))
+    cost = quantity_of(search.objectives[0]).cost(first.tried.costs[best])
+    return f"{done}, best so far: {search.objectives[0]} {brief(float(cost))} at {values}"
+
+
+def _answers(
+    search: Search,
+    folder: SearchFolder,
+    number: int,
+    proposed: Mapping[Training, Array],
+    executor: Executor,
+) -> dict[Training, Tried]:
+    """Return how good the points of a batch are: as its file says, else by running them."""
+    path = folder.batch(number)
+    with files.refusals(folder.path, "used", OTHER_FOLDER):
+        stored = (files.read_record(path, "tried") or {"tried": {}})["tried"]
+    read = {key: _read(stored.get(_name(key)), points) for key, points in proposed.items()}
+    answers = {key: answer for key, answer in read.items() if answer is not None}
+    missing = {key: points for key, points in proposed.items() if key not in answers}
+    reporter().skip(sum(map(len, answers.values())) * search.runs_at_a_point)
+    if missing:
+        answers |= (added := _computed(search, missing, executor, tried=number > 0))
+        stored |= {_name(key): _written(answer) for key, answer in added.items()}
+        with files.refusals(folder.path, "used", OTHER_FOLDER):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            files.write_record(path, {"tried": stored})
+    return {key: answers[key] for key in proposed}
+
+
+def _name(key: Training) -> str:
+    return f"{key.law.slug}, sample {key.sample}"
+
+
+def _written(tried: Tried) -> dict[str, Any]:
+    return {each.name: getattr(tried, each.name).tolist() for each in fields(tried)}
+
+
+def _read(record: Any, points: Array) -> Tried | None:
+    """Return what a file holds of these very points; None if it holds no such thing."""
+    if record is None:
+        return None
+    arrays = {each.name: np.array(record[each.name], dtype=float) for each in fields(Tried)}
+    if not np.array_equal(arrays["shares"], points):
+        return None
+    return Tried(**arrays | {"measured": arrays["measured"].reshape(len(points), -1)})
+
+
+def _computed(
+    search: Search, proposed: Mapping[Training, Array], executor: Executor, *, tried: bool
+) -> dict[Training, Tried]:
+    """Run all points of a batch in all cases, and return how good they are."""
+    names = [*search.objectives, *(bound.metric for bound in search.bounds)]
+    runs = [
+        (key, study(search.on_sample(swept(case, columns(case, points)), key.sample)))
+        for key, points in proposed.items()
+        for case in search.in_cases(key.law).values()
+    ]
+    numbers = computed([points for _, points in runs], names, executor, tried=tried)
+    cases: dict[Training, list[Numbers]] = {key: [] for key in proposed}
+    for (key, _), of_case in zip(runs, numbers, strict=True):
+        cases[key].append(of_case)
+    worst = search.section.over_cases == "worst"
+    return {
+        key: _judged(search, points, cases[key], worst=worst) for key, points in proposed.items()
+    }
+
+
+def _judged(search: Search, points: Array, cases: Sequence[Numbers], *, worst: bool) -> Tried:
+    """Return how good points are, over the cases."""
+    scored = [_measured(search, case) for case in cases]
+    (costs, measured, lost, unsettled) = (np.array(each) for each in zip(*scored, strict=True))
+    held = []
+    for bound, column in zip(search.bounds, np.moveaxis(measured, -1, 0), strict=True):
+        if bound.equal:  # over the cases; others hold in each
+            held.append(column.mean(axis=0)[:, None])
+        else:
+            held.append((column.max(axis=0) if bound.above else column.min(axis=0))[:, None])
+    return Tried(
+        points,
+        costs.max(axis=0) if worst else costs.mean(axis=0),
+        np.concatenate(held, axis=1) if held else np.empty((len(points), 0)),
+        lost.mean(axis=0),
+        unsettled.sum(axis=0),
+    )
+
+
+def _measured(search: Search, numbers: Numbers) -> tuple[Array, Array, Array, Array]:
+    """Return cost, bounded numbers ``(points, bounds)``, lost share, and unsettled runs of a case.
+
+    All are over the runs that have all numbers; the others are lost.
+    """
+    (objective,) = search.objectives
+    names = dict.fromkeys([objective, *(bound.metric for bound in search.bounds)])
+    values = {name: numbers.counted(name)[:, 0] for name in names}
+    complete = np.isfinite([*values.values()]).all(axis=0)
+    values = {name: np.where(complete, each, np.nan) for name, each in values.items()}
+    cost = quantity_of(objective).cost(mean_over_runs(values[objective]))
+    bounded = [_bounded(bound, values[bound.metric]) for bound in search.bounds]
+    settling = numbers.metric("settling_time")[:, 0]
+    unsettled = (numbers.good[:, 0] & np.isnan(settling)).sum(axis=1)
+    measured = np.stack(bounded, axis=1) if bounded else np.empty((len(cost), 0))
+    return cost, measured, (~complete).mean(axis=1), unsettled
+
+
+def _bounded(bound: Constraint, values: Array) -> Array:
+    """Return what is bounded at each point: the mean over runs, or the worst one."""
+    if not bound.every_run:
+        return mean_over_runs(values)
+    ends = np.where(np.isnan(values), -np.inf if bound.above else np.inf, values)
+    worst = ends.max(axis=-1) if bound.above else ends.min(axis=-1)
+    return np.where(np.isfinite(worst), worst, np.nan)

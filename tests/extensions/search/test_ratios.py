@@ -1,0 +1,140 @@
+"""Ratios of tuned laws: what samples and held-out runs leave open."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from eqt_cli.analysis.intervals import Word
+from eqt_cli.extensions.search.ratios import joined, ratio, ratios, sentences, unequal
+from eqt_cli.results.metrics import QUANTITIES
+
+METRIC = "mean_pose_error"
+
+
+def tuned(label, count):
+    labels = [label, *(f"{label}, sample {k}" for k in range(2, count + 1))]
+    searches = [
+        {"sample": k + 1, "label": each, "measured": [50.0]} for k, each in enumerate(labels)
+    ]
+    return {"label": label, "winners": [{"label": label}], "searches": searches}
+
+
+def compared(first, second):
+    """A result and a record of two laws a and b with the runs ``(samples, runs)`` of each."""
+    laws = [tuned("a", len(first)), tuned("b", len(second))]
+    values = np.concatenate([first, second])
+    result = SimpleNamespace(
+        labels=[search["label"] for law in laws for search in law["searches"]],
+        counted=lambda name: values,
+        quantity=lambda name: QUANTITIES[name],
+    )
+    return result, {"laws": laws, "objectives": [METRIC], "constraints": []}
+
+
+def test_without_noise_of_the_runs_it_is_students_interval_over_samples():
+    numbers = np.array([0.1, 0.2, 0.4, 0.25, 0.3])
+    low, high = stats.t.interval(0.95, 4, numbers.mean(), stats.sem(numbers))
+    assert joined(numbers, np.zeros(9), 0.95) == pytest.approx((numbers.mean(), low, high))
+
+
+def test_without_noise_of_the_samples_it_is_students_interval_over_runs():
+    runs = np.random.default_rng(1).normal(size=30)
+    runs -= runs.mean()
+    low, high = stats.t.interval(0.95, 29, 0.1, stats.sem(runs))
+    assert joined(np.full(5, 0.1), runs, 0.95) == pytest.approx((0.1, low, high))
+    assert joined(np.array([0.1]), runs, 0.95) == pytest.approx((0.1, low, high))
+
+
+def test_both_noises_are_joined_as_by_welch():
+    """As scipy's test of two independent means, of which one is each part."""
+    random = np.random.default_rng(2)
+    samples, runs = random.normal(size=5), random.normal(size=20)
+    runs -= runs.mean()
+    welch = stats.ttest_ind(samples, runs, equal_var=False).confidence_interval(0.95)
+    assert joined(samples, runs, 0.95)[1:] == pytest.approx(tuple(welch))
+
+
+@pytest.mark.parametrize(("spread", "between"), [(0.3, 0.0), (0.3, 0.05), (0.1, 0.2)])
+def test_the_interval_covers_the_ratio_in_95_of_100(spread, between):
+    """Runs differ by a factor, which both laws share in half, and samples by another one."""
+    random, covered, count = np.random.default_rng(3), 0, 400
+    for _ in range(count):
+        runs = np.exp(spread * random.normal(size=(3, 60)))
+        samples = np.exp(between * random.normal(size=(5, 1)))
+        a, b = samples * runs[0] * runs[1] * np.ones((5, 1)), 1.0 * runs[0] * runs[2]
+        one = ratio(*_pair(a, np.broadcast_to(b, a.shape)), METRIC)
+        covered += one.low <= 1 <= one.high
+    # 3 standard deviations of 400 trials; Welch's interval is on the safe side with five samples
+    assert covered / count >= 0.95 - 3 * math.sqrt(0.95 * 0.05 / count)
+
+
+def _pair(a, b):
+    result, record = compared(a, b)
+    return result, *record["laws"]
+
+
+RUNS = np.exp(0.1 * np.random.default_rng(4).normal(size=(5, 40)))
+
+
+@pytest.mark.parametrize(
+    ("factor", "samples", "word"),
+    [
+        (0.8, 5, Word.BETTER),
+        (1.25, 5, Word.WORSE),
+        (0.8, 2, Word.UNDECIDED),  # with fewer than three samples, no law is called better
+        (1.0, 5, Word.ALIKE),
+        (0.8, 3, Word.BETTER),
+    ],
+)
+def test_the_word_follows_from_the_interval(factor, samples, word):
+    one = ratio(*_pair(factor * RUNS[:samples], RUNS[:samples]), METRIC)
+    assert one.word is word
+    assert one.value == pytest.approx(factor)
+    assert one.samples == samples
+
+
+def test_samples_that_contradict_each_other_decide_nothing():
+    swing = np.array([0.7, 1.3, 0.8, 1.2, 0.9])[:, None]
+    assert ratio(*_pair(swing * RUNS, RUNS), METRIC).word is Word.UNDECIDED
+
+
+def test_a_mean_and_a_median_run_that_disagree_are_both_said():
+    """A law that is a tenth worse in most runs, and far better in the hardest ones."""
+    hard = np.where(np.arange(40) % 4 == 0, 20.0, 1.0)
+    a = np.where(hard > 1, 0.5, 1.1) * hard * np.ones((5, 1))
+    result, record = compared(a, hard * np.ones((5, 1)))
+    [pair] = ratios(result, record, [METRIC])
+    assert (pair.first, pair.second) == ("b", "a")  # the later law against the earlier one
+    assert pair.disagrees
+    assert pair.median == pytest.approx(1 / 1.1)
+    assert pair.value == pytest.approx(230 / (33 + 100))
+    result.quantity = lambda name: QUANTITIES[name]
+    text = " ".join(sentences(result, [pair], 5))
+    assert "disagree" in text and "which was tuned" in text and "−9.1 %" in text
+
+
+def test_runs_without_a_number_leave_the_pair():
+    a, b = RUNS.copy(), RUNS.copy()
+    a[2, 7] = np.nan
+    one = ratio(*_pair(a, b), METRIC)
+    assert one.runs == 39
+    assert ratio(*_pair(a * np.nan, b), METRIC).word is Word.UNDECIDED
+
+
+def test_a_sample_that_found_no_gains_leaves_the_pair():
+    result, record = compared(0.8 * RUNS, RUNS)
+    record["laws"][0]["searches"][1]["label"] = None
+    one = ratio(result, *record["laws"], METRIC)
+    assert (one.samples, one.word) == (4, Word.BETTER)
+
+
+def test_a_law_that_spends_less_is_named():
+    law = tuned("gt", 3)
+    record = {"laws": [law], "constraints": [{"metric": "effort", "bound": 50.0, "equal": True}]}
+    assert unequal(record) == []
+    law["searches"][1]["measured"] = [40.0]
+    [line] = unequal(record)
+    assert line.startswith("GT spends 0.80 to 1.00 of effort 50: ")
