@@ -170,7 +170,8 @@ def without_ctrl_c() -> Iterator[None]:
 def of_worker() -> None:
     """Ignore signals, which reach the whole process group, because the parent handles them.
 
-    On Linux, this process is killed when its parent ends, however that ends.
+    On Linux, this process is killed when its parent ends, however that ends, also if it has ended
+    before this call: what the parent was is told by the parent itself.
     """
     for number in STOP_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
@@ -178,10 +179,12 @@ def of_worker() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     if sys.platform == "linux":
         import ctypes
+        from multiprocessing import parent_process
 
-        parent = os.getppid()
+        parent = parent_process()
+        assert parent is not None  # of a process that `multiprocessing` has started
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:  # the parent has ended meanwhile
+        if os.getppid() != parent.pid:  # the parent has ended meanwhile
             os._exit(1)
 
 
