@@ -195,6 +195,7 @@ class Status(IntEnum):
     ESTIMATE_LOST = 6
     DIVERGED = 7
     BY_ROUNDING = 8
+    NO_ANSWER = 9
 
 
 def distinct_titles(titles: Mapping[str, str]) -> dict[str, str]:

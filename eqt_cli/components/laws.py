@@ -482,6 +482,13 @@ class RunsCode(Controller):
         """Return the CPU times of its calls since it was last asked, s; none if it has none."""
         return []
 
+    def lost_calls(self) -> Mapping[int, str]:
+        """Return of each run whose call was lost since it was last asked in this thread why.
+
+        "" of one that another call has ended.
+        """
+        return {}
+
     @property
     def unfailing(self) -> Self:
         """The law without the memory that it keeps for failed calls."""

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, parse_key
+from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
@@ -211,7 +211,7 @@ def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
             texts.append(("gains", stiff(experiment, along)))
             texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
-    except ComponentError as error:
+    except InputError as error:
         texts.append(("controllers", f"loops cannot be linearised: {error}"))
     yield from (((section,), text) for section, text in texts if text)
 

@@ -22,7 +22,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import STRICT, CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import Status
-from eqt_cli.components.laws import OuterLoop
+from eqt_cli.components.laws import OuterLoop, RunsCode
 from eqt_cli.components.sensors import Errors
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
@@ -569,6 +569,18 @@ def walked(
     return solution
 
 
+def lost_calls(problem: Problem, t: float) -> dict[int, Failure | None]:
+    """Return the runs that end because a call of their code was lost in this thread since asked.
+
+    None for one that only shared a process with another.
+    """
+    law = problem.loop.controller
+    lost = law.lost_calls() if isinstance(law, RunsCode) else {}
+    return {
+        run: Failure(Status.NO_ANSWER, words, t) if words else None for run, words in lost.items()
+    }
+
+
 Failures = dict[int, tuple[Span, Failure | None]]
 """Times and reasons of failed runs of a group; None for runs that others may have stopped."""
 
@@ -586,7 +598,9 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
     place, spans = 0, problem.spans
+    lost_calls(problem, 0.0)  # of earlier work of this thread
     while place < len(spans):
+        states = _without_ended(problem, states, going)
         if place and np.max(steps) <= SUSPECT:
             after, states, work, steps = integrator.walk_ahead(place, states)
             solution.steps[runs] += np.where(going, work, 0)
@@ -604,7 +618,7 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
             failed = {run: (span, why) for run, why in ending.items()} | failed
             going[list(ending)] = False
             integrator.leave(list(ending))
-            states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
+        states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
         result = _advanced(integrator, span, states, solution.states)
         states, steps = result.states, result.steps
         solution.steps[runs] += np.where(going, result.steps, 0) if failed else result.steps
@@ -623,6 +637,13 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
     reached.finish()
 
 
+def _without_ended(problem: Problem, states: Array, going: Array) -> Array:
+    """Return states that make code not be called for runs that have ended: NaN."""
+    if going.all() or not isinstance(problem.loop.controller, RunsCode):
+        return states
+    return np.where(going[:, None], states, np.nan)
+
+
 def _end(
     integrator: Integrator, solution: Solution, runs: Array, failed: Failures, progress: Progress
 ) -> None:
@@ -636,7 +657,7 @@ def _end(
 
 def _at_instant(
     integrator: Integrator, span: Span, states: Array, steps: Any
-) -> tuple[Array, dict[int, Failure]]:
+) -> tuple[Array, dict[int, Failure | None]]:
     """Return the states after a control instant, if a span begins with one, and what ends there.
 
     Parameters
@@ -655,7 +676,9 @@ def _at_instant(
         lost |= dict.fromkeys(np.flatnonzero(gone).tolist(), DIVERGED)
     if (at := problem.loop.lost_at) is not None:
         lost |= dict.fromkeys(np.flatnonzero(states[:, at]).tolist(), INDEFINITE)
-    return states, {place: Failure(*why, span.start) for place, why in lost.items()}
+    failures: dict[int, Failure | None]
+    failures = {place: Failure(*why, span.start) for place, why in lost.items()}
+    return states, failures | lost_calls(problem, span.start)
 
 
 def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:

@@ -20,7 +20,15 @@ from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.base.stored import Status
-from eqt_cli.engines.engine import Engine, Failure, Integrator, Problem, Span, SpanResult
+from eqt_cli.engines.engine import (
+    Engine,
+    Failure,
+    Integrator,
+    Problem,
+    Span,
+    SpanResult,
+    lost_calls,
+)
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import ArrayProgram, Program, traced
@@ -411,6 +419,8 @@ class Blocks(Integrator):
             derivative: Array = self._field(span.inside(t), y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
                 self._non_finite_at = t
+                for failure in lost_calls(self.problem, t).values():
+                    raise _Failed(failure or Failure(t=t))
             return derivative
 
         def accepted(t: float, y: Array) -> float:

@@ -163,6 +163,7 @@ def test_numbers_of_ends_of_runs_never_change():
         "ESTIMATE_LOST": 6,
         "DIVERGED": 7,
         "BY_ROUNDING": 8,
+        "NO_ANSWER": 9,
     }
 
 

@@ -33,8 +33,11 @@ CALLS = 500
 SHORTEST = 5e-4
 """CPU time below which calls are repeated in a loop, s; Python takes 1e-5 to begin it."""
 
-spent_on = partial(timeit, timer=thread_time, number=1)
-"""The CPU time of a function, s."""
+
+def spent_on(function: Callable[[], object]) -> float:
+    """Return the CPU time of a function, s."""
+    return timeit(function, timer=thread_time, number=1)
+
 
 SINGLY, IN_LOOPS, BY_NUMPY = "Python, one by one", "C, in loops", "NumPy, in loops"
 
@@ -120,7 +123,7 @@ def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], s
                 seconds, how = seconds + singly, SINGLY
             else:
                 prepare(inputs, memory, 1)()  # compiles it, and fills caches
-                while (spent := spent_on(prepare(inputs, memory, repeats))) < SHORTEST:
+                while (spent := prepare(inputs, memory, repeats)()) < SHORTEST:
                     repeats *= 2
                 seconds.append(spent / repeats)
             memory = later
@@ -142,34 +145,35 @@ def _states(result: Result, label: str, loop: ClosedLoop) -> Array:
     return states
 
 
-Caller = Callable[[LawInput, Arrays, int], Callable[[], object]]
-"""Prepares so many calls of a law at one input."""
+Caller = Callable[[LawInput, Arrays, int], Callable[[], float]]
+"""Prepares so many calls of a law at one input, which return their CPU time, s."""
 
 
 def _caller(loop: ClosedLoop) -> tuple[Caller, str]:
     """Return what prepares calls of a law, and how these are made."""
     period, law = loop.period, loop.controller
 
-    def code(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+    def code(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], float]:
         many = partial(np.repeat, repeats=n, axis=0)
         if isinstance(law, Code):
             s = inputs.tracking(loop.group, loop.inertia, loop.gains, memory)
-            rows, numbers, states = map(many, law.rows(s))
-            return partial(law.called.call, 0, numbers, period, states, rows)
+            rows, numbers, before = map(many, law.rows(s))
+            return partial(law.called.time_of, numbers, period, before, rows)
         equal = inputs.each(lambda part: many(part) if np.ndim(part) else part)  # of a network
-        return partial(loop.answer, equal, {name: many(z) for name, z in memory.items()}, period)
+        states = {name: many(z) for name, z in memory.items()}
+        return partial(spent_on, partial(loop.answer, equal, states, period))
 
-    def formula(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+    def formula(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], float]:
         here = loop.holding(inputs.t)
-        return lambda: [here.answer(inputs, memory, period) for _ in range(n)]
+        return partial(spent_on, lambda: [here.answer(inputs, memory, period) for _ in range(n)])
 
-    def compiled(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+    def compiled(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], float]:
         here = replace(loop, held_law=law.held(loop.group, inputs.t))
         values = {NUMBER + name: x for name, x in program.values(here).items()}
         values |= {INPUT + each.name: getattr(inputs, each.source) for each in program.inputs}
         values |= {MEMORY + each.name: memory[each.source] for each in program.memory}
         groups = [library.Rows(np.ravel(values[name])) for name, _ in program.step.inputs]
-        return lambda: library.evaluated(program.step, n, 1, groups, lanes=1)
+        return partial(spent_on, lambda: library.evaluated(program.step, n, 1, groups, lanes=1))
 
     if isinstance(law, RunsCode):
         return code, IN_LOOPS

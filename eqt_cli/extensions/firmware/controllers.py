@@ -304,6 +304,7 @@ class Code(_Numbers, RunsCode, Previews):
     forces: Any = field(init=False, default=(), repr=False, metadata=STRUCTURE)
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     holds: bool = field(init=False, default=False, repr=False, metadata=STRUCTURE)
+    flies: bool = field(init=False, default=True, repr=False, metadata=STRUCTURE)
 
     @property
     def structure(self) -> Hashable:
@@ -462,19 +463,22 @@ class Code(_Numbers, RunsCode, Previews):
         """The compiled function, with these numbers; None where it needs Python."""
         if self.called.code.adapted or self.holds:
             return None
-        reads, function = tuple(self.called.code.inputs), self.called.library.eqt_code
-        return CodeCall(function, 2 * self.called.fills, reads, np.asarray(self.values))
+        return CodeCall(
+            self.called.eqt_code, 0, tuple(self.called.code.inputs), np.asarray(self.values)
+        )
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self.rows(s)
-        torque, updated = self.called.call(0, numbers, float(period), memory, inputs)
-        torque, later = self._adapted.output.torque_of(s, torque), self._named(updated, s)
+        call = self.called.call_in_runs if self.flies else self.called.call
+        command, updated, *lost = call(0, numbers, float(period), memory, inputs)
+        torque, later = self._adapted.output.torque_of(s, command), self._named(updated, s)
         if self.holds:
             failed = ~np.isfinite(torque).all(axis=-1, keepdims=True)
+            failed &= ~lost[0].reshape(failed.shape)  # such a run ends
             latest, count = (s.memory.get(name, np.zeros(1)) for name in (LAST, FAILED))
             if failed.any() and self.code.is_python and self.on_failure != "stop":
-                self.called.library.tell()
+                self.called.processes.tell()
             if self.on_failure != "stop":
                 torque = np.where(failed, 0.0 if self.on_failure == "zero" else latest, torque)
             later |= {LAST: torque, FAILED: count + failed}
@@ -496,7 +500,8 @@ class Code(_Numbers, RunsCode, Previews):
         if self.object_:
             return {}
         inputs, numbers, memory = self.rows(s)
-        return self._named(self.called.call(1, numbers, 0.0, np.zeros_like(memory), inputs)[1], s)
+        started = self.called.call_in_runs(1, numbers, 0.0, np.zeros_like(memory), inputs)[1]
+        return self._named(started, s)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the memory of the law that it claims to be, or the fields by their names."""
@@ -532,12 +537,16 @@ class Code(_Numbers, RunsCode, Previews):
 
     def drained(self) -> list[float]:
         """Return the CPU times of the calls in Python since it was last asked, s."""
-        return self.called.library.drained() if self.code.is_python else []
+        return self.called.processes.drained() if self.code.is_python else []
+
+    def lost_calls(self) -> dict[int, str]:
+        """Return what became of lost calls in this thread since it was last asked, by their run."""
+        return self.called.processes.taken()
 
     @property
     def unfailing(self) -> Self:
-        """The law that holds no command."""
-        return with_fields(self, holds=False)
+        """The law that holds no command, and raises an error where a call is lost."""
+        return with_fields(self, holds=False, flies=False)
 
     @property
     def in_order(self) -> bool:

@@ -1,13 +1,16 @@
-"""The program that calls a law in Python of the user's own, in a process that it cannot leave.
+"""The program that calls a law of the user's own, in a process that it cannot leave.
 
-It imports nothing of eqt. `Guest` in `user_code.py` starts it, and writes lines of JSON: the law,
-and then rows of numbers, memory and inputs. Each is answered by a line.
+It imports nothing of eqt. `Guest` in `guests.py` starts it, and writes a line of JSON: the law. Of
+a law in Python, lines with rows of numbers, memory and inputs follow; of one in C, single bytes,
+whose rows both processes see. Each is answered by a line.
 """
 
 import ctypes
 import inspect
 import json
+import mmap
 import os
+import signal
 import struct
 import sys
 import time
@@ -55,26 +58,66 @@ are kept at least."""
 TINY = 2.0**-1000
 """Factor of these two, so that they weigh nothing where states are compared."""
 
+ONE_LIFE = 2**32
+"""Most objects of a process; those of the one that takes its place have larger numbers."""
+
+
+INT_AND_FLOAT: Any = ("q", "d")
+"""Formats of the numbers on a board, of 8 bytes each."""
+
+
+class Board:
+    """What eqt sees while a law is called: the row that is being called, and rows in C."""
+
+    def __init__(self) -> None:
+        self.bytes = mmap.mmap(2, 0)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        self.numbers, self.times = (memoryview(self.bytes).cast(kind) for kind in INT_AND_FLOAT)
+        self.seconds = 0.0
+
+    def begin(self, row: int) -> None:
+        """Begin the call of a row, which may take so much time of the processor."""
+        self.numbers[0] = row
+        signal.setitimer(signal.ITIMER_PROF, self.seconds)  # whose signal ends the process
+
+    def end(self) -> None:
+        """End the calls."""
+        self.numbers[0] = -1
+
+
+RUNS, BEGINS, PERIOD, SPENT, FIRST = 1, 2, 3, 4, 8
+"""Places in the board, each of 8 bytes: how many rows are called and how, the time that took, and
+the first number of the arrays that follow each other."""
+
 
 class Library:
-    """A law in C, compiled: its first calls, which may crash or never end."""
+    """A law in C, compiled, which may crash or never return."""
 
+    memory, reason = (), ""
     seconds: list[float] = []  # noqa: RUF012  # calls of C are too short to time one by one
-    reason = ""
 
-    def __init__(self, request: dict[str, Any]) -> None:
-        self.call, self.memory = ctypes.CDLL(request["library"]).eqt_code, dict[str, Any]()
+    def __init__(self, request: dict[str, Any], board: Board) -> None:
+        library = ctypes.CDLL(request["library"])
+        self.call, self.widths, self.board = library.eqt_code, request["widths"], board
         self.call.argtypes = [ctypes.c_long, ctypes.c_int, ctypes.c_double, *6 * [ctypes.c_void_p]]
-        self.arrays = [np.array(each) for each in request["arrays"]]
+        self.at = ctypes.addressof(ctypes.c_char.from_buffer(board.bytes))
+        ctypes.c_void_p.in_dll(library, "eqt_row").value = self.at
         lock()
 
-    def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
-        """Call it with a row of inputs; return torque and memory."""
-        self.arrays[1] *= 1 - how["starts"]  # the start sets it, from 0
-        self.arrays[2] = np.array(row)
-        at = [each.ctypes.data for each in self.arrays]
-        self.call(1, how["starts"], how["period"], *at, None, None)
-        return [*self.arrays[3].tolist(), *self.arrays[1].tolist()]
+    def serve(self, requests: Any, answers: Any) -> None:
+        """Call it with the rows on the board at each byte, until no more come."""
+        board, numbers, times = self.board, self.board.numbers, self.board.times
+        while requests.read(1):
+            at, places = self.at + 8 * FIRST, list[int | None]()
+            for width in self.widths:
+                places.append(at if width else None)
+                at += 8 * numbers[RUNS] * width
+            board.begin(0)
+            begun = time.thread_time()  # a limit makes that of processes coarse
+            self.call(numbers[RUNS], numbers[BEGINS], times[PERIOD], *places)
+            times[SPENT] = time.thread_time() - begun
+            board.end()
+            answers.write(b"\n")
 
 
 class Law:
@@ -94,21 +137,47 @@ class Law:
         With one for each run: by their numbers, the object, its calls, its last row and answer.
     """
 
-    def __init__(self, request: dict[str, Any]) -> None:
+    def __init__(self, request: dict[str, Any], board: Board) -> None:
         self.request, self.numbers, self.seconds = request, [nan], list[float]()
-        self.objects, self.started = dict[int, list[Any]](), 0
+        self.board = board
+        self.objects, self.started = dict[int, list[Any]](), request["lives"] * ONE_LIFE
         self.error: Exception | None = None
         # Python's own way to start processes, of which no hook is told.
         sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
         lock()
         sys.addaudithook(refuse)
         self.text = compile(request["text"], request["file"], "exec")
+        board.begin(-1)
         self.execute()
         self.make(request["values"])
         self.memory = {name: np.shape(value) for name, value in self.first.items()}
         self.try_out(request["trial"], {"starts": False, "period": request["period"], "keeps": 1})
         if request["per_run"]:
             self.memory = {OBJECT: (2,)}
+
+    def serve(self, requests: Any, answers: Any) -> None:
+        """Answer to the rows of each request by a line, until no more come."""
+        for how in requests:
+            lost, said = dict[int, str](), dict[str, Any]()
+            try:
+                said["rows"] = [self.answer(k, row, how, lost) for k, row in enumerate(how["rows"])]
+                said |= {"lost": lost, "seconds": self.seconds, "reason": self.reason}
+                self.seconds = []
+            except OutOfOrder as error:
+                said = {"error": str(error)}
+            self.board.end()
+            answers.write(json.dumps(said).encode() + b"\n")
+
+    def answer(self, place: int, row: Any, how: Any, lost: dict[int, str]) -> list[float] | None:
+        """Return the answer to a row; None if it is lost, because the law did what it may not."""
+        self.board.begin(place)
+        try:
+            return self.after(row, how)
+        except OutOfOrder:
+            raise
+        except BaseException as error:  # such as SystemExit
+            lost[place] = described(error, self.request["file"])
+            return None
 
     def execute(self) -> None:
         """Execute the text as a module of its own."""
@@ -125,9 +194,10 @@ class Law:
             if rows and time.monotonic() > ends:
                 break
             self.error = None
+            self.board.begin(-1)
             rows.append(([*before, *inputs], self.after([*before, *inputs], how)))
             errors += filter(None, [self.error])
-        if len(errors) == len(rows):
+        if rows and len(errors) == len(rows):
             raise errors[0]
         repeated = rows[::-1] if self.request["repeats"] else []
         again = [self.after(row, how) for row, _ in repeated]
@@ -198,7 +268,7 @@ class Law:
         *run, next_call, latest, answer = self.objects.pop(number, [None] * 7)
         if latest is None or latest != row[at + 1 :]:
             if next_call != calls:
-                raise ValueError(OUT_OF_ORDER)
+                raise OutOfOrder
             self.function, self.object, self.parameters, self.names = run
             torque = self.torque(row[at + 2 :], how["period"])
             answer = [*torque, number * TINY, (calls + 1) * TINY]
@@ -209,7 +279,13 @@ class Law:
         return list(answer)
 
 
-OUT_OF_ORDER = "`object: per run` answers in the order of time, from the start of a run on"
+class OutOfOrder(ValueError):
+    """A law with an object for each run was asked for what it cannot answer."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "`object: per run` answers in the order of time, from the start of a run on"
+        )
 
 
 def hidden_state(first: Any, second: Any) -> str:
@@ -224,12 +300,14 @@ def hidden_state(first: Any, second: Any) -> str:
     )
 
 
-def described(error: Exception, file: str) -> str:
+def described(error: BaseException, file: str) -> str:
     """Return an error in words, with its line in a file."""
     tb = traceback.extract_tb(error.__traceback__)
     lines = [f"line {frame.lineno}: " for frame in tb if frame.filename == file]
     plain = isinstance(error, ValueError) and not lines  # of this program
-    return str(error) if plain else f"{''.join(lines[-1:])}{type(error).__name__}: {error}"
+    words = str(error)
+    kind = f"{type(error).__name__}{': ' if words else ''}"
+    return words if plain else f"{''.join(lines[-1:])}{kind}{words}"
 
 
 def flat(value: Any, size: int) -> list[float]:
@@ -252,20 +330,23 @@ def named(shapes: Any, row: list[float]) -> dict[str, Any]:
 
 def main() -> None:
     """Answer until nothing more is asked."""
-    out, file, laws = os.fdopen(os.dup(1), "w"), "", list[Law | Library]()
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what a law prints
-    for how in map(json.loads, sys.stdin):
-        try:
-            if not file:
-                file = how["file"]
-                laws = [Library(how) if "library" in how else Law(how)]
-            rows = [law.after(row, how) for law in laws for row in how["rows"]]
-            said: dict[str, Any] = {"rows": rows, "memory": laws[0].memory}
-            said |= {"seconds": laws[0].seconds, "reason": laws[0].reason}
-            laws[0].seconds = []
-        except Exception as error:
-            said = {"error": described(error, file)}
-        print(json.dumps(said), file=out, flush=True)
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb", 0)
+    board, nothing = Board(), os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1):  # what a law reads and prints
+        os.dup2(nothing, stream)
+    lines = (json.loads(line) for line in iter(requests.readline, b""))
+    first = next(lines)
+    board.seconds = first["seconds"]
+    try:
+        law = (Library if "library" in first else Law)(first, board)
+        answers.write(json.dumps({"memory": law.memory}).encode() + b"\n")
+    except Exception as error:
+        answers.write(json.dumps({"error": described(error, first["file"])}).encode() + b"\n")
+        return
+    if isinstance(law, Library):
+        law.serve(requests, answers)
+    else:
+        law.serve(lines, answers)
 
 
 if __name__ == "__main__":

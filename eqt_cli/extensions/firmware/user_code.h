@@ -12,6 +12,7 @@
      EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number
      EQT_RETURN                    what the function returns: void, or int, which is 0 if it succeeds
      EQT_FAILED(call)              the call, and what follows where it fails
+     EQT_INPUTS                    the number of its inputs
      EQT_DECISIONS                 defined behind decisions.h: the number of decisions */
 #ifndef EQT_USER_CODE_H
 #define EQT_USER_CODE_H
@@ -46,8 +47,16 @@ EQT_C const long eqt_code_sizes[] = {
     (long)sizeof(EQT_MEMORY_TYPE),
     EQT_LIST_NUMBERS EQT_LIST_MEMORY 0};
 
+/* Where the number of the row is written that is being called, if anybody looks. */
+#ifdef __cplusplus
+extern "C" { volatile long long *eqt_row; }
+#else
+volatile long long *eqt_row;
+#endif
+
 /* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. begins: 1
-   calls the start; with 2, what is not named of the memory is filled. */
+   calls the start; with 2, what is not named of the memory is filled; with 4, a row with inputs that
+   are not finite, as of a run that has ended, is not called. */
 EQT_C void eqt_code(long runs, int begins, double period, const double *options, double *states,
               const double *inputs, double *torques, unsigned char *outcomes, double *apart)
 {
@@ -57,7 +66,8 @@ EQT_C void eqt_code(long runs, int begins, double period, const double *options,
         EQT_MEMORY_TYPE memory;
         EQT_INPUT_TYPE input;
         EQT_CODE_REAL torque[EQT_CODE_AXES] = {0};
-        const double *before = states;
+        const double *before = states, *given = inputs;
+        double finite = 0;
         unsigned char *bytes = (unsigned char *)&input; /* of a field that is not ours, too */
         for (eqt_k = 0; eqt_k < (long)sizeof input; eqt_k++)
             bytes[eqt_k] = 0;
@@ -77,7 +87,14 @@ EQT_C void eqt_code(long runs, int begins, double period, const double *options,
 #endif
         EQT_READ_MEMORY
         EQT_SET_INPUT
-        if (begins & 1) {
+        for (eqt_k = 0; eqt_k < EQT_INPUTS && begins & 4; eqt_k++)
+            finite += given[eqt_k] - given[eqt_k];
+        if (eqt_row)
+            *eqt_row = run;
+        if (finite != 0) {
+            for (eqt_k = 0; eqt_k < EQT_CODE_AXES; eqt_k++)
+                torque[eqt_k] = EQT_NAN;
+        } else if (begins & 1) {
 #ifdef EQT_CODE_START
             EQT_CODE_START(&numbers, &memory, &input);
 #endif

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import math
 import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import threading
-import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from itertools import islice
 from pathlib import Path, PurePath, PurePosixPath
 from struct import iter_unpack, unpack_from
-from threading import Lock, Timer
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -38,6 +31,7 @@ from eqt_cli.engines.compiler import Limits, temporary_folder
 from eqt_cli.extensions.firmware import python_law
 from eqt_cli.extensions.firmware.casadi_code import casadi_call
 from eqt_cli.extensions.firmware.decisions import Decision, watched
+from eqt_cli.extensions.firmware.guests import BOARD, FILLS, SKIPS, STARTS, Pool
 
 # A user's C file with the files next to it that its preprocessor reads, as one text ---------------
 #
@@ -205,7 +199,7 @@ def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
         symbols = _of_nm(made)
     if symbols is None:
         return None
-    variables = {_plain(name) for name, is_variable in symbols if is_variable}
+    variables = {_plain(name) for name, is_variable in symbols if is_variable} - {"eqt_row"}
     functions = {_plain(name) for name, is_variable in symbols if not is_variable}
     without_state = {
         name
@@ -278,9 +272,16 @@ _REFUSED = re.compile(
     | f?chdir | chroot | umask | signal | sigaction | sigprocmask | pthread_sigmask
     | raise | kill | alarm | setitimer | setrlimit | setlocale | uselocale | (?:un)?setenv | putenv
     | clearenv | exit | _exit | _Exit | quick_exit | abort | atexit | fork | vfork | exec[lv]p?e?
-    | system | popen | dlopen | dup2 | close | longjmp | siglongjmp | pthread_create ) \b )"""
+    | system | popen | dlopen | dup2 | close | longjmp | siglongjmp | pthread_create
+    | (?:f|fre)?open (?:at)? (?:64)? | creat (?:64)? | f?truncate (?:64)? | unlink (?:at)? | remove
+    | rename (?:at2?)? | (?:mk|rm)dir (?:at)? | (?:sym)?link (?:at)? | f?ch(?:mod|own) (?:at)?
+    | socket | connect | sendto ) \b )"""
 )
-"""Assembly that changes the process, and so the bits of other laws, or ends it."""
+"""Assembly that changes the process or files, and so the bits of other laws, or ends it.
+
+The process in which code is called may not do most of it, but a law that tries to is told so early,
+and not each system can take these rights away.
+"""
 
 
 SHIM = Path(__file__).parent / "user_code.h"
@@ -443,6 +444,7 @@ class UserCode(CodeFile):
             "EQT_FAILED(call)": CAN_FAIL if self.fails else "call",
             "EQT_CODE_REAL": self.real,
             "EQT_CODE_AXES": str(self.axes),
+            "EQT_INPUTS": str(sum(self.inputs.values())),
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
             "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
             "EQT_LIST_INPUT": sizes("INPUT", self.inputs),
@@ -474,13 +476,9 @@ class UserCode(CodeFile):
         return f"enum {{ eqt_decisions = {len(decisions)} }};\n{text}", decisions
 
 
-_casadi = Lock()
-"""Held in a call of a function of CasADi, whose memory is checked out by one thread at a time."""
-
-
 @dataclass(frozen=True)
 class CodeFunction:
-    """A user's compiled function.
+    """A user's function, which is called in processes of its own.
 
     Attributes
     ----------
@@ -488,20 +486,34 @@ class CodeFunction:
         Its source.
     lengths
         The length of each part of the memory, by name.
+    pool
+        Its processes; None to share those of equal code in C.
     fills
         Whether fields of the memory that are not named differ from 0 before a call.
+    is_watched
+        Whether a call keeps the outcomes of the decisions, too.
     """
 
     code: UserCode
     lengths: dict[str, int] = field(compare=False)
-    library: Any = field(repr=False, compare=False)
+    pool: Pool | None = field(default=None, repr=False, compare=False)
     fills: bool = False
+    is_watched: bool = False
+
+    @property
+    def processes(self) -> Pool:
+        """The processes in which it is called."""
+        if self.pool is not None:
+            return self.pool
+        with _starting:
+            return _processes(self.code, self.is_watched)
 
     @cached_property
     def watching(self) -> CodeFunction | None:
         """The function that also keeps its outcomes; None if it cannot be compiled like that."""
         with suppress(TraceError):
-            return CodeFunction(self.code, self.lengths, compiler.library(self.code.decisions[0]))
+            compiler.library(self.code.decisions[0])
+            return CodeFunction(self.code, self.lengths, is_watched=True)
         return None
 
     def outcomes(
@@ -521,7 +533,7 @@ class CodeFunction:
         shape = len(inputs), len(self.code.decisions[1])
         results = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
         if self.code.starts:
-            self.call(1, numbers, period, np.zeros_like(memory), inputs, *results)
+            self.call(STARTS, numbers, period, np.zeros_like(memory), inputs, *results)
         torques, _ = self.call(0, numbers, period, memory, inputs, *results)
         return torques, *results
 
@@ -544,17 +556,128 @@ class CodeFunction:
             1: at the start of runs, where the memory is 0; 0: a period later.
         more
             Arrays for the outcomes of decisions.
+
+        Raises
+        ------
+        InputError
+            If a call crashes, or does not return; with its input.
         """
-        later = np.array(memory, dtype=float, order="C")
-        rows = np.ascontiguousarray(inputs, dtype=float)
-        torques = np.empty((len(rows), self.code.axes))
-        assert rows.shape[1] == sum(self.code.inputs.values())
-        arrays = (np.ascontiguousarray(numbers, dtype=float), later, rows, torques, *more)
-        addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
-        how = ctypes.c_int(begins + 2 * self.fills), ctypes.c_double(period)
-        with _casadi if self.code.casadi else nullcontext():
-            self.library.eqt_code(ctypes.c_long(len(rows)), *how, *addresses)
+        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.axes))
+        lost = self._answer(begins, period, [numbers, later, inputs, torques, *more])
+        for row, words in lost.items():
+            if begins and not self.code.is_python:
+                words = words.replace(self.code.function, f"{self.code.prefix}_start", 1)
+            raise InputError(f"{words or GONE} at {described(self, inputs[row])}; {CALL_IT}")
         return torques, later
+
+    def time_of(self, numbers: Array, period: float, memory: Array, inputs: Array) -> float:
+        """Return the CPU time of calls of C in its process, s; raises as `call` does."""
+        most, spent = self._most(numbers, memory, inputs), 0.0
+        for start in range(0, len(inputs), most):
+            some = slice(start, start + most)
+            self.call(0, numbers[some], period, memory[some], inputs[some])
+            spent += self.processes.spent
+        return spent
+
+    def call_in_runs(
+        self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the same, and which calls were lost, ``(runs,)``: their torque is NaN.
+
+        What became of them is noted in the processes. A run that has ended, whose inputs are not
+        finite, is not called. At the start of a run, its memory is NaN if the call was lost.
+        """
+        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.axes))
+        lost = self._answer(begins | SKIPS, period, [numbers, later, inputs, torques])
+        self._tell(lost, inputs)
+        self.processes.note({} if begins else lost)
+        is_lost = np.zeros(len(torques), dtype=bool)
+        is_lost[[*lost]] = True
+        if begins:
+            later[is_lost] = np.nan
+        return torques, later, is_lost
+
+    def _answer(self, begins: int, period: float, arrays: Sequence[Array]) -> dict[int, str]:
+        """Call it for rows, whose arrays behind the numbers are those of ``eqt_code``.
+
+        Memory and torques are written, but of calls that were lost. What became of these is
+        returned, by their rows.
+        """
+        most = self._most(*arrays)
+        lost = dict[int, str]()
+        for start in range(0, len(arrays[0]), most):
+            some = [array[start : start + most] for array in arrays]
+            there = self.processes.call_c(begins | FILLS * self.fills, period, some)
+            lost |= {start + row: words for row, words in there.items()}
+        return lost
+
+    def _tell(self, lost: Mapping[int, str], inputs: Array) -> None:
+        """Say once at which input a call was lost in a run."""
+        for row, words in lost.items():
+            if words and self.processes.is_first_loss():
+                at = described(self, inputs[row])
+                remark = f"{words} at {at}: its run ends there, and the others go on"
+                reporter().remark(EqtWarning(remark, Remedy(CALL_IT)))
+
+    def _most(self, *arrays: Array) -> int:
+        """Return the most rows for which there is room; those of torques are counted, too."""
+        width = sum(array.shape[1] for array in arrays) + self.code.axes
+        return (BOARD // 8 - python_law.FIRST) // width
+
+    @cached_property
+    def eqt_code(self) -> Any:
+        """A function as of user_code.h, which C can call in place of the user's."""
+        kind = ctypes.CFUNCTYPE(
+            None, ctypes.c_long, ctypes.c_int, ctypes.c_double, *6 * [ctypes.c_void_p]
+        )
+        numbers, inputs = (sum(n for _, n in self.code.numbers), sum(self.code.inputs.values()))
+        widths = numbers, sum(self.lengths.values()), inputs, self.code.axes
+
+        def call(runs: int, begins: int, period: float, *addresses: int) -> None:
+            arrays = [*map(_rows_at, addresses, [runs] * 4, widths)]
+            try:
+                lost = self._answer(begins | SKIPS, period, arrays)
+                self.processes.note(lost)
+            except BaseException:  # the engine calls again where errors can be raised
+                arrays[3][...] = np.nan
+
+        return kind(call)
+
+
+GONE = "the object of a run has ended with the call of another one"
+CALL_IT = "call it with this input in a debugger"
+
+
+@lru_cache(maxsize=64)
+def _rows_at(address: int | None, rows: int, width: int) -> Array:
+    """Return the rows at an address as an array."""
+    if not address or not width:
+        return np.empty((rows, 0))
+    return np.ctypeslib.as_array(
+        ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), (rows, width)
+    )
+
+
+_starting = Lock()
+"""Held while processes are started, so that equal code has the same ones."""
+
+
+@lru_cache(maxsize=16)
+def _processes(code: UserCode, is_watched: bool) -> Pool:
+    """Return the processes of code in C; those of the last ones are kept."""
+    if is_watched:
+        content = compiler.content(code.decisions[0])
+        more = [-(-len(code.decisions[1]) // 8), len(code.decisions[1])]
+    else:
+        content, more = compiler.content(code.source, code.refuse), [0, 0]
+    lengths = compiled(code).lengths
+    widths = sum(n for _, n in code.numbers), sum(lengths.values()), sum(code.inputs.values())
+    law = {"function": code.function, "file": code.file, "widths": [*widths, code.axes, *more]}
+    return Pool(law, Limits(LIFE, file=0), content)
+
+
+LIFE = 36_000
+"""Most time of the processor that a process takes with all calls, s."""
 
 
 @lru_cache(maxsize=64)
@@ -575,7 +698,7 @@ def compiled(code: UserCode) -> CodeFunction:
         raise _not_compiled(code.file, error) from error
     count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
     sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
-    return CodeFunction(code, _checked(code, sizes), library)
+    return CodeFunction(code, _checked(code, sizes))
 
 
 def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
@@ -618,14 +741,7 @@ def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
     return lengths
 
 
-# The first calls, in a process that may crash or never end ----------------------------------------
-
-
-TRIAL_SECONDS = 10.0
-"""Time limit of the process, s; a healthy function needs a thousandth of it."""
-
-MOST_WRITTEN = 2**20
-"""Largest file that it writes, bytes."""
+# The first calls, and those of a law in Python ----------------------------------------------------
 
 
 def described(function: CodeFunction, row: Array) -> str:
@@ -637,69 +753,6 @@ def described(function: CodeFunction, row: Array) -> str:
     return ", ".join(words)
 
 
-MOST_ROWS = 50
-"""Most calls of a law in Python that are asked for together."""
-
-_starter = ThreadPoolExecutor(1)
-"""A thread that lasts: on Linux, a process ends with the thread that started it."""
-
-MOST_GUESTS = 64
-"""Most processes of one law in Python."""
-
-
-class Guest:
-    """The process in which a law is called: the first calls of one in C, all of one in Python.
-
-    Attributes
-    ----------
-    memory
-        Lengths of the attributes that a law in Python keeps, by name.
-    """
-
-    def __init__(self, limits: Limits, law: Mapping[str, Any]) -> None:
-        self.lock, self.name = Lock(), f"{law['function']} in {law['file']}"
-        words = ["env", "OPENBLAS_NUM_THREADS=1", sys.executable, "-IB", python_law.__file__]
-        pipes = subprocess.PIPE, subprocess.PIPE, subprocess.DEVNULL
-        self.process = _starter.submit(compiler.started, words, limits, pipes, None).result()
-        weakref.finalize(self, _finish, self.process)
-        answer = self.request(law)
-        self.memory = {n: math.prod(shape) for n, shape in answer["memory"].items()}
-
-    def request(self, what: Mapping[str, Any], at: str = "", name: str = "") -> Any:
-        """Return an answer.
-
-        Raises
-        ------
-        InputError
-            If the law does what it may not, crashes, or does not return.
-        """
-        process: Any = self.process
-        timer, line = Timer(TRIAL_SECONDS, compiler.end, [self.process]), b""
-        with self.lock, suppress(BrokenPipeError):
-            timer.start()
-            process.stdin.write(json.dumps(what).encode() + b"\n")
-            process.stdin.flush()
-            line = process.stdout.readline(MOST_WRITTEN)
-            timer.cancel()
-        if line.endswith(b"\n"):
-            if "error" not in (answer := json.loads(line)):
-                return answer
-            raise InputError(f"{self.name}: {answer['error']}")
-        compiler.end(self.process)
-        code = self.process.wait()
-        ending = f"ended the process with code {code}"
-        with suppress(ValueError):  # of a code that is no signal
-            ending = f"crashed ({signal.Signals(-code).name})"
-        if code == -signal.SIGKILL:
-            ending = f"did not return within {TRIAL_SECONDS:g} s"
-        raise InputError(f"{name or self.name} {ending}{at}")
-
-
-def _finish(process: subprocess.Popen[bytes]) -> None:
-    compiler.end(process)
-    process.communicate()
-
-
 def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
     """Call a function at some inputs, one after the other.
 
@@ -708,120 +761,33 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
     InputError
         If it crashes, or does not end; it names the function and the input.
     """
-    code, memory = function.code, [0.0] * sum(function.lengths.values())
-    with compiler.as_file(compiler.content(code.source, code.refuse)) as library:
-        law = {"function": code.function, "file": code.file, "library": str(library), "rows": []}
-        arrays: dict[str, Any] = {"arrays": [numbers.tolist(), memory, [], [0.0] * code.axes]}
-        guest = Guest(Limits(TRIAL_SECONDS, file=MOST_WRITTEN), law | arrays)
-    answers = list[Any]()
+    answers, values = list[Any](), np.broadcast_to(numbers, (1, len(numbers)))
     for row in [*inputs, *inputs[::-1]]:
-        at = f" at {described(function, row)}; call it with this input in a debugger"
-        for name in (f"{code.prefix}_start", code.function):
-            how = {"starts": name != code.function, "period": period, "rows": [row.tolist()]}
-            answer = guest.request(how, at, f"{name} in {code.file}")
-        answers += answer["rows"]
+        memory = np.zeros((1, sum(function.lengths.values())))
+        _, memory = function.call(STARTS, values, period, memory, row[None])
+        answers.append(np.concatenate(function.call(0, values, period, memory, row[None]), axis=1))
     if words := python_law.hidden_state(answers[: len(inputs)], answers[len(inputs) :][::-1]):
-        raise InputError(f"{guest.name}: {words.partition(', or write')[0]}")
-
-
-MOST_SECONDS = 2.0
-"""CPU time of calls that are asked for together, s."""
+        raise InputError(f"{function.processes.name}: {words.partition(', or write')[0]}")
 
 
 class PythonFunction(CodeFunction):
-    """A function in Python of the user's; its library is a pool of guests, which count no lines.
-
-    Each thread has its own guest, so that runs are spread over cores as the engine spreads them.
-    """
+    """A function in Python of the user's, which counts no lines."""
 
     watching, static_state = None, ([], [])
 
-    def call(
-        self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *_: Array
-    ) -> tuple[Array, Array]:
-        """Return torques and memory, as the processes answer."""
-        rows, pool = np.hstack([numbers, memory, inputs]).tolist(), self.library
-        how = {"starts": begins == 1, "period": period, "keeps": 2 * len(rows)}
-        answers, owners = list[Any](rows), pool.owners(memory)
-        for owner in np.unique(owners):
-            mine = np.flatnonzero(owners == owner)
-            for places in np.array_split(mine, -(-len(mine) // pool.most_rows(memory))):
-                rows_there = [rows[place] for place in places]
-                answer = pool.request(int(owner), {**how, "rows": rows_there})
-                for place, row in zip(places, answer["rows"], strict=True):
-                    answers[place] = row
-        torque, later = np.split(np.array(answers, dtype=float), [self.code.axes], axis=1)
-        return torque, later
-
-
-class Pool:
-    """The processes of a law in Python.
-
-    Attributes
-    ----------
-    seconds, slowest
-        CPU times of the calls until they are `drained`, and the longest one of the last request, s.
-    reason
-        The last error of a call, in words.
-    """
-
-    def __init__(self, law: Mapping[str, Any], limits: Limits) -> None:
-        self.law, self.limits, self.lock = law, limits, Lock()
-        self.guests, self.of_threads = [Guest(limits, law)], {0: 0}
-        self.seconds, self.slowest = list[float](), 0.0
-        self.reason, self.has_told = "", False
-        self.name, self.memory = self.guests[0].name, self.guests[0].memory
-
-    def most_rows(self, memory: Array) -> int:
-        """Return the most rows of a request: one where each makes its object, which may be slow."""
-        if self.law["per_run"] and not memory[:, 0].all():
-            return 1
-        return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(self.slowest, 1e-9))))
-
-    def owners(self, memory: Array) -> Array:
-        """Return the guest of each row: the one that has its object, else this thread's."""
-        mine = np.full(len(memory), self._of_thread())
-        if not self.law["per_run"]:
-            return mine
-        numbers = np.rint(memory[:, 0] / python_law.TINY).astype(int)
-        return np.where(numbers > 0, (numbers - 1) % MOST_GUESTS, mine)
-
-    def request(self, place: int, what: Mapping[str, Any]) -> Any:
-        """Return the answer of a guest."""
-        mine = {"process": place, "processes": MOST_GUESTS}
-        answer = self.guests[place].request({**what, **mine})
-        with self.lock:
-            self.seconds += answer["seconds"]
-            self.slowest = max(answer["seconds"], default=0.0)
-            self.reason = answer["reason"] or self.reason
-        return answer
-
-    def drained(self) -> list[float]:
-        """Return the CPU times of the calls since it was last asked, s."""
-        with self.lock:
-            seconds, self.seconds = self.seconds, []
-        return seconds
-
-    def tell(self) -> None:
-        """Say once why a call in a run failed."""
-        with self.lock:
-            is_news, self.has_told = not self.has_told, True
-        if is_news and self.reason:
-            reporter().remark(EqtWarning(f"{self.name} failed at an instant: {self.reason}"))
-
-    def _of_thread(self) -> int:
-        """Return the guest of this thread: its last one, or one of a thread that has ended."""
-        thread, alive = threading.get_ident(), {each.ident for each in threading.enumerate()}
-        alive.discard(threading.main_thread().ident)
-        with self.lock:
-            if thread not in self.of_threads:
-                idle = [ident for ident in self.of_threads if ident not in alive]
-                if not idle and len(self.guests) < MOST_GUESTS:
-                    self.guests.append(Guest(self.limits, self.law))
-                    idle = [-len(self.guests)]
-                    self.of_threads[idle[0]] = len(self.guests) - 1
-                self.of_threads[thread] = self.of_threads.pop(idle[0]) if idle else 0
-            return self.of_threads[thread]
+    def _answer(self, begins: int, period: float, arrays: Sequence[Array]) -> dict[int, str]:
+        numbers, memory, inputs, torques = arrays
+        rows, pool = np.hstack([numbers, memory, inputs]), self.processes
+        how = {"starts": bool(begins & STARTS), "period": period, "keeps": 2 * len(rows)}
+        are_called = np.ones(len(rows), dtype=bool)
+        if begins & SKIPS:
+            are_called = np.isfinite(rows).all(axis=1)
+            torques[~are_called] = np.nan
+        answers, lost = pool.call_python(rows, memory, np.flatnonzero(are_called), how)
+        for place, answer in answers.items():
+            torques[place], memory[place] = np.split(np.array(answer), [self.code.axes])
+        torques[[*lost]] = np.nan
+        return lost
 
 
 _tried: set[object] = set()
@@ -849,6 +815,7 @@ def called(
         if code not in _tried:
             try_out(function, numbers, period, rows)
             _tried.add(code)
+        function.processes.forget()
         return function
     there = re.findall(r"(?m)^(?:def|class) +(\w+)", code.text)
     if re.split(r"\W", code.function)[0] not in re.findall(r"\w+", code.text):
@@ -862,5 +829,6 @@ def called(
     law["numbers"] = [(name, [length] if length > 1 else []) for name, length in code.numbers]
     # Each object may reserve much more memory than it uses: 37 MB that of CasADi with IPOPT.
     memory = 3 * 2 ** (32 if how["per_run"] else 29)
-    pool = Pool(law, Limits(seconds=36_000, memory=memory, file=0))
-    return PythonFunction(code, pool.memory, pool)
+    pool = Pool(law, Limits(LIFE, memory, file=0))
+    lengths = {name: math.prod(shape) for name, shape in pool.memory.items()}
+    return PythonFunction(code, lengths, pool)

@@ -112,6 +112,9 @@ class Compiled:
         later = np.broadcast_to(first, memory.shape) if begins else memory + 1.0
         return inputs[:, 10:13], later  # the velocity as the torque
 
+    def call_in_runs(self, *how):
+        return *self.call(*how), np.zeros(len(how[-1]), dtype=bool)
+
 
 @pytest.fixture
 def many(state):

@@ -19,7 +19,7 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.extensions.firmware import code_rows, user_code
+from eqt_cli.extensions.firmware import code_rows, guests
 from eqt_cli.extensions.firmware.controllers import Signal
 
 LEE = Path(__file__).with_name("lee2010.py").read_text(encoding="utf-8")
@@ -296,7 +296,7 @@ HOSTILE = {
 @pytest.mark.parametrize("does", HOSTILE)
 def test_a_hostile_law_is_contained(does, python, told, monkeypatch):
     """A law that does nothing of it passes: what is refused is what it does."""
-    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 1.0 if "while" in does else 10.0)
+    monkeypatch.setattr(guests, "SECONDS", 1.0 if "while" in does else 10.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(0.1)
         line = does.replace("PORT", str(server.getsockname()[1]))

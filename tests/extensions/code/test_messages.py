@@ -10,7 +10,7 @@ from said import error_of
 import eqt_cli
 from eqt_cli.base import yaml_source
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.firmware import user_code
+from eqt_cli.extensions.firmware import guests, user_code
 
 EVERYWHERE = "t = 0.5, pose = {"
 
@@ -46,7 +46,7 @@ def test_a_crash_names_function_and_input(written, config, told):
 
 
 def test_a_function_that_does_not_return(written, config, told, monkeypatch):
-    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 0.5)
+    monkeypatch.setattr(guests, "SECONDS", 0.5)
     written(body="while (in->t >= 0) *(volatile real *)torque = 0;")
     said = told(config())
     where = f"controllers[0]: lee_torque in lee.c did not return within 0.5 s at {EVERYWHERE}"

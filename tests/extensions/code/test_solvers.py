@@ -10,7 +10,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
-from eqt_cli.extensions.firmware import user_code
+from eqt_cli.extensions.firmware import guests
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
 from eqt_cli.runs.run_study import Shard
@@ -189,7 +189,7 @@ def test_a_static_variable_is_told_too(law, told):
 @pytest.mark.ci("waits for its objects")
 def test_objects_that_take_long_are_made_one_by_one(law, monkeypatch):
     """Ten of half a second, of which more than seven exceed the limit of a request."""
-    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 4.0)
+    monkeypatch.setattr(guests, "SECONDS", 4.0)
     text = COUNTING.replace("self.calls = 0", "self.calls = 0; time.sleep(0.5)")
     text = f"import os, time\nos.environ['OWN'] = '1'\n{text}"  # which a law may, for itself
     over = {
