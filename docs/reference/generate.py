@@ -601,9 +601,13 @@ def functions() -> Iterator[str]:
     from eqt_cli.base.arrays import FUNCTIONS
     from eqt_cli.base.expressions import PIECEWISE
 
-    several = {"where": "where(a < b, x, y)", "mod": "mod(t, period)"}
-    several["pulse"] = "pulse(t, period, from, to)"
-    yield ", ".join(code(several.get(name, name)) for name in (*FUNCTIONS, *PIECEWISE))
+    yield ", ".join(map(code, [*FUNCTIONS, *(x for x in PIECEWISE if PIECEWISE[x].count == 1)]))
+    yield ""
+    yield "of one argument, and"
+    yield ""
+    for name, function in PIECEWISE.items():
+        if function.count != 1:
+            yield f"- {code(name)}: {function.takes.replace(chr(39), chr(96))}"
 
 
 # The paper's equations ----------------------------------------------------------------------------

@@ -64,6 +64,9 @@ NEAR = 1e-12
 
 THRUST = signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster")
 
+SAMPLES = 4_001
+"""Times over the horizon at which a sag is examined."""
+
 MOST = 12
 """Most thrusters of an allocation by priority: the reachable set has many faces."""
 
@@ -759,16 +762,23 @@ class Thrusters(Solving, Running):
                 here.at("rotor").add(f"{expected}, got {self.fails.rotor}")
             if not 0 <= to <= 1:
                 here.at("to").add(f"expected the share that is left, from 0 to 1, got {to:g}")
-        if self.sag is not None:
-            with problems.catching("sag"):
-                now = formula(self.sag).evaluate({"t": 0.0})
-                if not 0 < now <= 1:
-                    got = f"expected a share of the thrust, above 0 and up to 1, got {now:g} at 0 s"
-                    raise InputError(got, Remedy("for example 1 - 0.02*t"))
+        self.check_until(0.0, problems)
         if self.told and self.sampled and self.changes:
             problems.at("told").add(
                 "needs allocation: pseudo_inverse; no other adapts to a failure"
             )
+
+    def check_until(self, end: float, problems: Problems) -> None:
+        """Note a sag that leaves no thrust, turns it round or adds to it before the end, s."""
+        times = np.linspace(0.0, end, SAMPLES)
+        with problems.catching("sag"):
+            shares = formula(1.0 if self.sag is None else self.sag).evaluate({"t": times})
+            shares = shares + 0.0 * times
+            wrong = int(np.argmin((shares > 0) & (shares <= 1)))
+            if not 0 < (share := shares[wrong]) <= 1:
+                got = f"above 0 and up to 1, got {share:g} at {times[wrong]:g} s"
+                remedy = Remedy("for example 1 - 0.02*t, or max(0.2, 1 - 0.02*t)")
+                raise InputError(f"expected a share of the thrust, {got}", remedy)
 
     def _check_jets(self, jets: Jets | None, here: Problems) -> None:
         """Note jets that lack what they need, and times at which no valve switches."""

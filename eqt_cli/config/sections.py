@@ -33,6 +33,7 @@ from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
 from eqt_cli.components.tasks import Point, task_of
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
@@ -630,6 +631,7 @@ def vehicle_from(
     if vehicle.measures and clock is None:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, clock is None, at_actuators)
+    _check_until(horizon, acting, at_actuators)
     pulsed = any(getattr(each, "jets", None) for each in acting) and clock is not None
     if pulsed and config.time.samples <= (ticks := round(horizon / vehicle.tick)):
         means = f"means over pulses need a sample at each tick; give {ticks + 1} or more"
@@ -711,6 +713,13 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
                 f"forces[{first}] has another current, but the added mass follows only one; "
                 "set `drag_only: true` in the force with the wind"
             )
+
+
+def _check_until(horizon: float, parts: Sequence[Actuator], problems: Problems) -> None:
+    """Note what actuators cannot do until the end of the runs."""
+    for index, part in enumerate(parts):
+        if isinstance(part, Thrusters):
+            part.check_until(horizon, problems.at(index))
 
 
 def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Problems) -> None:

@@ -11,7 +11,7 @@ def register(extension: Extension) -> None:
     of_margins = "paper --set 'reference={kind: constant}'"
     extension.add_command("margins", "commands.margins", READ, of_margins, after="verify")
     extension.add_function("meaning of an experiment", "meaning.meaning")
-    extension.add_function("remarks on an experiment", "authority.remarks")
+    extension.add_function("remarks on an experiment", "slips.remarks")
     extension.add_function("worst --certified", "margins.proved_from")
     extension.add_function("--option certified", "figures.proved")
     extension.add_function("certificates of a report", "verification.certificates_of")

@@ -4,38 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rotor_vehicles import ARM, HIGH, TURNS, W, rotors
 
 import eqt_cli
 from eqt_cli.config.remarks import remarks
 from eqt_cli.extensions.proofs.authority import members_of
 
-W, HIGH, ARM, TURNS = 14.715, 6.0, 0.25, 0.02
 SPINS = {"alternating": [1, -1, 1, -1, 1, -1], "PPNNPN": [1, 1, -1, -1, 1, -1]}
-
-
-def rotors(angles: list[float], spins: list[int], **options: Any) -> dict[str, Any]:
-    """A body under rotors that push along z, on a circle."""
-    places = [[ARM * np.cos(a), ARM * np.sin(a), 0.0] for a in np.radians(angles)]
-    up = [0, 0, 1]
-    each = [{"at": p, "along": up, "turns": TURNS * s} for p, s in zip(places, spins, strict=True)]
-    return {
-        "group": "SE3",
-        "inertia": [0.02, 0.02, 0.04, 1.5, 1.5, 1.5],
-        "model": {"forces": [{"kind": "restoring", "weight": W}]},
-        "reference": {"kind": "flat", "position": ["0", "0", "1"], "heading": "0"},
-        "controllers": [
-            {
-                "kind": "cascade",
-                "attitude": "lee2010",
-                "gains": {"kp": 1.0, "kd": 0.3},
-                "position": {"kx": 4, "kv": 3},
-                "along": up,
-            }
-        ],
-        "actuators": [{"kind": "thrusters", "thrusters": each, "low": 0, "high": HIGH, **options}],
-        "control": {"period": 0.01},
-        "time": {"duration": 4.0},
-    }
 
 
 def members(config: dict[str, Any]) -> Any:

@@ -1,0 +1,147 @@
+"""Remarks on values that nobody can mean: of another unit, behind the end, or without an effect.
+
+A bound here is a hundred times beyond what such a vehicle has, and a slip of the unit a thousand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import KeyPath
+from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.engines.horizon import Horizon
+from eqt_cli.extensions.proofs.authority import members_of
+from eqt_cli.extensions.proofs.authority import remarks as on_authority
+from eqt_cli.loop.signals import output_names
+from eqt_cli.runs.folder import MOST_OUTPUTS
+
+Placed = Iterator[tuple[KeyPath, str]]
+
+FASTEST = {"torque": 1e6, "force": 1e4}
+"""Accelerations by all thrusters at their limits, rad/s² and m/s². A Crazyflie of 30 g has 1,000
+rad/s² and 25 m/s², a rocket 100 m/s²."""
+
+BY_WHEELS = {"momentum": 30.0, "limit": 50.0}
+"""Rate of the body with all of one wheel's momentum, rad/s, and acceleration by one, rad/s². A
+CubeSat has 1 rad/s and 0.1 rad/s², a cube that balances on its corner 10 and 20."""
+
+
+def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
+    """Yield all of them, and those on what limits leave, with their keys."""
+    yield from _behind_the_end(experiment)
+    yield from _without_effect(experiment)
+    yield from (slips := [*_of_another_unit(experiment)])
+    wrong = {key[1] for key, _ in slips}  # with such numbers, what is left means nothing
+    yield from (each for each in on_authority(experiment, shown) if each[0][1] not in wrong)
+
+
+def _behind_the_end(experiment: Experiment) -> Placed:
+    """Yield what comes after the end of the runs."""
+    config, end = experiment.config, experiment.config.time.duration
+    for index, part in enumerate(config.actuators or ()):
+        key: KeyPath = (ACTUATORS, index)
+        if (fails := getattr(part, "fails", None)) is not None and fails.at >= end:
+            yield (
+                (*key, "fails", "at"),
+                f"is {fails.at:g} s, and runs end at {end:g} s: the thruster never fails",
+            )
+        lag = getattr(part, "time_constant", None)
+        if isinstance(lag, int | float) and lag > end:
+            yield (
+                (*key, "time_constant"),
+                f"is {lag:g} s, longer than the runs, {end:g} s; {_in_ms(lag)}",
+            )
+    for law in experiment.laws.values():
+        ahead: Any = getattr(law.law, "preview", ())
+        if len(ahead) and ahead[-1] > end:
+            every = ahead[0]
+            yield (
+                ("controllers", law.index, "preview", "every"),
+                f"is {every:g} s, so that the preview reaches {ahead[-1]:g} s ahead, and runs last "
+                f"{end:g} s; {_in_ms(every)}",
+            )
+
+
+def _in_ms(value: float) -> str:
+    return f"if milliseconds were meant, write '{value:g} ms'"
+
+
+def _of_another_unit(experiment: Experiment) -> Placed:
+    """Yield numbers with which thrusters or wheels would do what no vehicle does."""
+    inverse, written_parts = experiment.loop.inertia.at(0.0).inverse, experiment.config.actuators
+    for index, part in enumerate(experiment.loop.vehicle.actuators):
+        if part.name == "wheels":
+            yield from _of_wheels((ACTUATORS, index), part, inverse)
+    for each in members_of(experiment):
+        key: KeyPath = (ACTUATORS, each.index)
+        written: Any = (written_parts or ())[each.index]
+        if each.part.name == "wheels":
+            continue
+        low, high = each.limits(failed=False)
+        pushes = np.asarray(each.part.matrix) * np.maximum(np.abs(low), np.abs(high))
+        rates = norm(each.wanted @ inverse @ pushes)
+        for name, rate in zip(each.names, rates, strict=True):
+            most = FASTEST[name.partition(" ")[0]]
+            if rate > most:
+                unit = "rad/s²" if "torque" in name else "m/s²"
+                option = "thrust_constant" if written.thrust_constant is not None else "high"
+                yield (
+                    (*key, option),
+                    f"lets thrusts of {np.max(high):.3g} N accelerate the body by {rate:.2g} "
+                    f"{unit}; check its unit and its exponent",
+                )
+                break
+        turned = [one for one in written.thrusters or () if abs(one.turns) == 1.0]
+        if turned and written.moment_constant is None:
+            yield (
+                (*key, "thrusters"),
+                "`turns: 1` is a torque of 1 N m for each N of thrust, where propellers have some "
+                "0.02 m; give the moment_constant, of which 1 and −1 are the signs, or the ratio",
+            )
+
+
+def _of_wheels(key: KeyPath, part: Any, inverse: Array) -> Placed:
+    """Yield momenta and torques that are too large for the body."""
+    for name, unit in (("momentum", "N m s"), ("limit", "N m")):
+        size: Any = getattr(part, name)
+        if size is None:
+            continue
+        rate = float(norm((inverse @ (part.matrix * size)).T).max())
+        if rate > BY_WHEELS[name]:
+            effect = f"accelerate the body by {rate:,.0f} rad/s²"
+            if name == "momentum":
+                effect = f"spin the body at {rate:,.0f} rad/s"
+            yield (
+                (*key, name),
+                f"of {np.max(size):g} {unit} would {effect}; if thousandths were meant, write "
+                f"'{np.max(size):g} m{unit}'",
+            )
+
+
+def _without_effect(experiment: Experiment) -> Placed:
+    """Yield what changes nothing, and numbers of laws that are not stored."""
+    config = experiment.config
+    model, acting = config.model and config.model.forces, experiment.loop.vehicle.forces
+    if model == "plant" and not acting:
+        yield ("model", "forces"), "names the forces of the plant, which has none"
+    for law in experiment.laws.values() if not model or (model == "plant" and not acting) else ():
+        if not law.known_forces:
+            yield (
+                ("controllers", law.index, "known_forces"),
+                "changes nothing, as there are no forces in `model`",
+            )
+    if config.store.memory == "auto" and config.store.trajectories != "none":
+        numbers = dict[str, str]()
+        for loop in experiment.loops.values():
+            numbers |= output_names(loop.controller, experiment.group)
+        if len(numbers) > MOST_OUTPUTS:
+            yield (
+                ("store", "memory"),
+                f"laws have {len(numbers)} numbers to store, and results hold at most "
+                f"{MOST_OUTPUTS} unasked; add `store: {{memory: true}}` to keep them",
+            )
