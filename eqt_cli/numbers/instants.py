@@ -33,23 +33,15 @@ MARGIN = 8 * float(np.finfo(float).eps)
 """Relative error of both sides of a comparison: some functions, of 1 unit in the last place each,
 which another engine rounds otherwise."""
 
-GRID = 2000
-"""Number of intervals into which the horizon is divided to look for short pulses."""
+SMOOTH = 0.1
+"""Change of a function within a part, relative to its range, that a step does not miss."""
 
-LONGEST = 300
-"""Largest number of characters of an expression whose parts are examined one by one."""
+FLAT = 128
+"""Parts so many times as long as the shortest ones near them, in which a function hardly changes,
+are long enough for a step to grow and to miss what follows."""
 
-MOST_PLACES = 1000
-"""Largest number of places at which the parts of an expression are examined."""
-
-AWAY = np.geomspace(1e-12, 1e-2, 460)
-"""Distances from a place, relative to the horizon: 5 % from one to the next."""
-
-STEEP = 0.003
-"""Least change from one distance to the next, relative to the largest, that belongs to a pulse."""
-
-QUIET = 47
-"""Number of distances, a factor of 10, without change that follow a pulse."""
+NEAR = 8
+"""Parts at most so many times as long as the shortest one belong to the same short pulse."""
 
 
 @lru_cache(maxsize=1024)  # equal expressions, of all runs, share their instants
@@ -72,12 +64,7 @@ def instants(expression: Expression, until: float) -> tuple[float, ...]:
             ends = set(_Changes(expression, until).ends)
         except InputError as error:
             raise InputError(f"'{shortened(expression.text)}' {error}") from None
-        pulses: list[tuple[float, float]] = []
-        for t in _places(expression, until) if len(expression.text) <= LONGEST else ():
-            if all(abs(t - other) > 10 * width for other, width in pulses):
-                pulses += [(t, width) for width in _widths(expression, t, until, ends)]
-    edges = {t + side * width for t, width in pulses for side in (-1, 0, 1)}
-    return tuple(sorted(ends | {t for t in edges if AWAY[0] * until < t < until}))
+        return tuple(sorted(ends.union(_steep(expression, ends, until))))
 
 
 def instants_of(expressions: Iterable[Expression], until: float) -> Array:
@@ -223,9 +210,7 @@ def _enclosed(difference: Expression, edges: Array, until: float) -> tuple[Array
 
     None if there are too many. Those that are not longer than `FINEST` are not resolved.
     """
-    sides = [np.nextafter(edges, side) for side in (-np.inf, np.inf)]  # not at a jump itself
-    grid = np.unique([*np.clip(sides, 0.0, until).flat, *np.linspace(0.0, until, 65)])
-    low, high = grid[:-1], grid[1:]
+    low, high = _parts(edges, until, 64)
     lows, highs = list[Array](), list[Array]()
     while len(low):
         jet = series(difference, {"t": Interval(low, high)}, 1)
@@ -409,53 +394,66 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
 # Short pulses of smooth functions -----------------------------------------------------------------
 
 
-def _places(expression: Expression, until: float) -> list[float]:
-    """Return the zeros and extrema of all parts: there a function of a part may be steep."""
-    step, located = until / GRID, list[float]()
-    grid = step * np.arange(-1.0, GRID + 2.0)
-
-    def visit(node: Node, operands: tuple[Any, ...]) -> Any:
-        value = grid if node.is_variable else combined(node, operands)
-        size = np.abs(value) * np.ones(GRID + 3)
-        for w in (size, -size):
-            least = (w[1:-1] < w[:-2]) & (w[1:-1] <= w[2:])
-            places = grid[1:-1][least]
-            if 0 < len(places) <= MOST_PLACES - len(located):
-                part = Expression("", expression.variables, node)
-                located.extend(_located(part, places, step, 1.0 if w is size else -1.0))
-        return value
-
-    fold(expression.tree, visit)
-    return [t for t in dict.fromkeys(located) if 0 <= t <= until]
-
-
-def _located(part: Expression, places: Array, step: float, sign: float) -> list[float]:
-    """Return where the size of a part is least (`sign` 1) or greatest (−1) about some times."""
-    for _ in range(10):  # of 32 intervals over two of the round before: 1e-12 of the first one
-        grid = places[:, None] + step * np.linspace(-1.0, 1.0, 33)
-        size = sign * np.abs(part.evaluate({"t": grid}))
-        places = np.take_along_axis(grid, np.argmin(size, axis=1)[:, None], axis=1)[:, 0]
-        step /= 16
-    return [float(f"{t:.12g}") for t in places]
+def _steep(expression: Expression, ends: set[float], until: float) -> Iterator[float]:
+    """Yield the sides and the middle of what is so short that a step may miss it."""
+    low, high, change = _smooth_parts(expression, ends, until)
+    lengths = high - low
+    waiting = (lengths > FINEST * until) & (change > 0)  # shorter ones are at ends of pieces
+    for shortest in np.argsort(lengths, kind="stable").tolist():
+        if waiting[shortest]:
+            length, is_flat, sides = lengths[shortest], False, list[int]()
+            for step in (-1, 1):
+                here = shortest + step
+                while 0 <= here < len(lengths) and lengths[here] <= NEAR * length:
+                    waiting[here] = False
+                    here += step
+                sides.append(here - step)
+                while 0 <= here < len(lengths) and lengths[here] >= lengths[here - step]:
+                    waiting[here] = False
+                    is_flat |= bool(lengths[here] >= FLAT * length)
+                    here += step
+            if is_flat:
+                first, last = float(low[sides[0]]), float(high[sides[1]])
+                yield from (t for t in (first, (first + last) / 2, last) if 0 < t < until)
 
 
-def _widths(expression: Expression, t: float, until: float, ends: set[float]) -> Iterator[float]:
-    """Yield the half-width of a short pulse about a time; beyond it, nothing changes long.
+def _smooth_parts(
+    expression: Expression, ends: set[float], until: float
+) -> tuple[Array, Array, Array]:
+    """Return parts of the horizon, in order, in which an expression changes little.
 
-    A jump at the end of a piece changes on one side only; a piece between two ends needs no more.
+    With them comes by how much it may. There are none if it takes too many.
     """
-    away = until * AWAY
-    late, early = (expression.evaluate({"t": t + sign * away}) for sign in (1.0, -1.0))
-    here = expression.evaluate({"t": np.array([t])})
-    both = np.abs([late - here, early - here])
-    change = both.max(axis=0)
-    steep = np.flatnonzero(~(np.abs(np.diff(change)) <= STEEP * change.max()))
-    quiet = np.flatnonzero(np.diff([*steep, len(AWAY)]) > QUIET)
-    if len(quiet) and np.isfinite(change).all():
-        last = steep[quiet[0]] + 1
-        width = 2 * float(away[last])
-        near = np.array([end - t for end in ends if abs(end - t) <= width])
-        apart = near[np.abs(near) > 10 * FINEST * until]
-        one_sided = len(near) and both[:, last].min() <= STEEP * change[last]
-        if not one_sided and not (apart.min(initial=0.0) < 0 < apart.max(initial=0.0)):
-            yield width
+    low, high = _parts([t for t in ends if 0 < t < until], until, 16)
+    parts, least, most = np.empty((3, 0)), np.inf, -np.inf
+    while len(low):
+        jet = series(expression, {"t": Interval(low, high)}, 1)
+        value, rate = (Interval.of(x, low.shape) for x in (jet.value, jet.derivative(1)))
+        middle = (low + high) / 2
+        there = np.broadcast_to(expression.evaluate({"t": middle}), low.shape)
+        there = there[np.isfinite(there)]
+        least, most = there.min(initial=least), there.max(initial=most)
+        by_rate = (high - low) * np.maximum(-rate.low, rate.high)
+        change = np.fmin(value.high - value.low, by_rate)
+        rough = (change > SMOOTH * (most - least)) & (high - low > FINEST * until)
+        smooth = [x[~rough] for x in (low, high, change)]
+        parts = np.concatenate([parts, smooth], axis=1)
+        low, middle, high = low[rough], middle[rough], high[rough]
+        if 2 * len(low) + parts.shape[1] > MOST_PARTS // 4:
+            return low[:0], low[:0], low[:0]
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    low, high, change = parts[:, np.argsort(parts[0])]
+    return low, high, change
+
+
+def _parts(edges: Iterable[float], until: float, count: int) -> tuple[Array, Array]:
+    """Return parts of the horizon, beside each edge and not at it, at least so many."""
+    ends = np.unique([0.0, *edges, until])
+    first, last = np.nextafter(ends[:-1], np.inf), np.nextafter(ends[1:], -np.inf)
+    first[0], last[-1] = 0.0, until
+    counts = np.maximum(1, np.ceil((last - first) * count / until)).astype(int)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    step = np.repeat((last - first) / counts, counts)
+    low = np.repeat(first, counts) + number * step
+    high = np.where(number + 1 == np.repeat(counts, counts), np.repeat(last, counts), low + step)
+    return low, high

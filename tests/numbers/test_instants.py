@@ -156,22 +156,24 @@ def test_an_interval_without_numbers_has_none():
 )
 def test_the_sides_of_a_short_pulse_are_instants(text):
     before, within, after = instants(parse(text), 5.0)
-    assert 3 - 1e-2 < before < 3 - 3e-5 < within == pytest.approx(3, abs=1e-8)
-    assert 3 + 3e-5 < after < 3 + 1e-2
+    assert 3 - 1e-3 < before < 3 - 1e-5 < within == pytest.approx(3, abs=3e-5)
+    assert 3 + 1e-5 < after < 3 + 1e-3
 
 
 def test_several_pulses_are_found():
     many = instants(parse("exp(-1e9*cos(pi*t/2)**2)"), 8.0)
-    assert many[1::3] == pytest.approx([1, 3, 5, 7], abs=1e-8)
+    assert many[1::3] == pytest.approx([1, 3, 5, 7], abs=3e-5)
     two = instants(parse("exp(-((t - 3)/1e-5)**2) - exp(-((t - 5)/1e-5)**2)"), 10.0)
-    assert two[1::3] == (3.0, 5.0)
+    assert two[1::3] == pytest.approx([3, 5], abs=1e-4)
+    hidden = instants(parse("exp(-1e12*sin(1e4*t)**2)"), 0.01)
+    assert hidden[3::3] == pytest.approx(np.arange(1, 32) * np.pi * 1e-4, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     "text",
     [
         *("cos(t - 3)", "sin(1e5*(t - 3))", "exp(-(t - 3)**2)", "(t - 3)**2", "exp(t)/9"),
-        *("5 + cos(t)*sin(3*t)", "sqrt(t + 1)", "atan(t - 3) + log(t)"),
+        *("5 + cos(t)*sin(3*t)", "sqrt(t + 1)", "atan(t - 3) + log(1 + t)"),
     ],
 )
 def test_a_slow_or_lasting_change_has_no_instants(text):
