@@ -41,7 +41,8 @@ def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> N
     The table may hold any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``. Optional
     entries are ``smooth_less(a, b)`` if it differs from ``less(a, b)``, ``positive(x)`` of a sum of
     squares if it differs from ``less(0, x)``, ``inverse(matrix)`` of arrays ``(..., m, m)`` if
-    there is a better way than elimination, and ``repeated`` if it has loops.
+    there is a better way than elimination, ``repeated`` if it has loops, and ``number(symbol, x)``
+    if numbers of expressions may be inputs.
     """
     defaults = {}
     if "less" in table:
@@ -80,6 +81,18 @@ def apply(name: str, *arguments: Any) -> Any:
             raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
         out[index] = table[name](*values)
     return out
+
+
+def number_like(variable: Any) -> Callable[[float], Any]:
+    """Return what the symbols of a variable's value take for numbers that may change.
+
+    0, 1 and −1 are structure, without which programs would be longer. Floats keep all numbers.
+    """
+    symbol = getattr(variable, "value", variable)  # of a Taylor series
+    if isinstance(symbol, np.ndarray) and symbol.dtype == object:
+        symbol = symbol.flat[0]
+    number = _symbol_tables.get(type(symbol), {}).get("number")
+    return lambda x: number(symbol, x) if number and abs(x) not in (0.0, 1.0) else x
 
 
 def unwrapped(x: Any) -> Any:

@@ -29,6 +29,7 @@ from eqt_cli.base.arrays import (
     less,
     maximum,
     minimum,
+    number_like,
     smooth_less,
     unwrapped,
     where,
@@ -439,15 +440,23 @@ class Expression:
         TraceError
             If a symbol's engine lacks a function.
         """
+        number = number_like(next(iter(values.values()), None))
 
         def visit(node: Node, operands: tuple[Any, ...]) -> Any:
             if node.is_variable:
                 value = unwrapped(values[str(node.what)])
                 return float(value) if isinstance(value, int) else value
+            are_floats = [isinstance(x, float) for x in operands]
+            # A power is structure, since a whole one is a product.
+            if any(are_floats) and not all(are_floats) and node.what != "**":
+                if node.what == "/" and are_floats[1] and _is_power_of_two(operands[1]):
+                    return operands[0] * number(1 / operands[1])  # exact; products may be fused
+                operands = tuple(number(x) if isinstance(x, float) else x for x in operands)
             return combined(node, operands)
 
         with np.errstate(all="ignore"):
-            return fold(self.tree, visit)
+            result = fold(self.tree, visit)
+            return number(result) if isinstance(result, float) else result
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
         """Pickle the text, because pickling a deep tree would exhaust the stack."""
@@ -543,6 +552,11 @@ def combined(node: Node, operands: tuple[Any, ...]) -> Any:
     operands = tuple(np.float64(x) if isinstance(x, float) else x for x in operands)
     result = known.value(*operands) if known else apply(what, operands[0])
     return float(result) if isinstance(result, float) else unwrapped(result)
+
+
+def _is_power_of_two(x: float) -> bool:
+    """Return whether 1/x is exact."""
+    return abs(math.frexp(x)[0]) == 0.5 and abs(x) > 1e-300
 
 
 def _finite_value(node: Node, operands: tuple[float | None, ...]) -> float | None:

@@ -60,7 +60,7 @@ from eqt_cli.loop.law_program import (
     symbolic_loop,
 )
 from eqt_cli.numbers.leaves import leaves
-from eqt_cli.numbers.program import Chain, Program, traced
+from eqt_cli.numbers.program import NUMBERS, Chain, Numbers, Program, traced, with_numbers
 
 # The programs of a loop: field, control instants, measurements ------------------------------------
 
@@ -128,11 +128,13 @@ def _programs(loop: ClosedLoop) -> LoopPrograms:
         rates = symbolic_loop(loop, inputs).vector_field(inputs["time"][0], inputs["state"][None])
         return {"derivative": rates[0]}
 
+    numbers: Numbers = {}
     with _explained(loop):
-        program = traced(field, inputs_of(loop, loop.moving_length))
+        program = traced(field, inputs_of(loop, loop.moving_length), numbers)
     if loop.vehicle.control is None:
         return LoopPrograms(program, None)
-    instant = at_instants(loop)
+    instant = at_instants(loop, numbers)
+    program = with_numbers(program, numbers)
     if instant.law is None:
         return LoopPrograms(program, None, instant)
     if loop.vehicle.solves:
@@ -175,6 +177,7 @@ class InstantPrograms:
         for entry in self.law.numbers[:-1]:
             places[NUMBER + entry.name] = chain.places_of(*_stretch(loop, entry.source))
         places[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)
+        places[NUMBERS] = inputs[NUMBERS][len(inputs[NUMBERS]) - len(self.input.numbers) :]
         for entry in self.law.memory:
             where = loop.layout.slices[CONTROLLER + entry.source]
             places[MEMORY + entry.name] = chain.places_of("state", where)
@@ -184,7 +187,7 @@ class InstantPrograms:
         outputs = {"torque": answer[TORQUE]} | ({"memory": memory} if memory else {}) | measured
         if not loop.vehicle.solves:
             outputs = chain.then(self.after, {**inputs, "memory": memory, **outputs})
-        return chain.program(outputs)
+        return replace(chain.program(outputs), numbers=self.input.numbers)
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
@@ -199,8 +202,8 @@ def law_of(loop: ClosedLoop) -> LawProgram:
         return law_program(loop, with_outputs=True)
 
 
-def at_instants(loop: ClosedLoop) -> InstantPrograms:
-    """Return the programs of control instants.
+def at_instants(loop: ClosedLoop, numbers: Numbers | None = None) -> InstantPrograms:
+    """Return the programs of control instants, all with the same `numbers` of expressions.
 
     Raises
     ------
@@ -243,12 +246,14 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     measured = inputs | ({"errors": sum(lengths)} if lengths else {})
     remembered = sum(loop.controller.memory(loop.group).values())
     solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
+    numbers = {} if numbers is None else numbers
     with _explained(loop):
-        return InstantPrograms(
-            traced(law_input, measured),
-            None if code else law_program(loop),
-            traced(after, inputs | {"torque": commands, "memory": remembered} | solved),
+        law_inputs = traced(law_input, measured, numbers)
+        law = None if code else law_program(loop, expressed=numbers)
+        states = traced(
+            after, inputs | {"torque": commands, "memory": remembered} | solved, numbers
         )
+    return InstantPrograms(with_numbers(law_inputs, numbers), law, states)
 
 
 @contextmanager
@@ -288,7 +293,7 @@ def sampled(
         return {name: np.asarray(values)[0] for name, values in computed.items()}
 
     try:
-        program = traced(arrays, inputs_of(loop, sum(lengths)))
+        program = traced(arrays, inputs_of(loop, sum(lengths)), {})
         return program if program.longest <= MOST_OPERATIONS else None
     except Exception:
         return None
@@ -300,10 +305,14 @@ def parameter_rows(problem: Problem) -> Array:
     return np.concatenate([values.reshape(problem.runs, -1) for values in columns], axis=1)
 
 
-def held_rows(loop: ClosedLoop, times: Array) -> Array:
-    """Return the numbers held from each of these times to the next instant, a row each."""
+def held_rows(loop: ClosedLoop, times: Array, program: Program) -> Array:
+    """Return the numbers held from each of these times to the next instant, a row each.
+
+    Those of the expressions in a program follow them.
+    """
     rows = [value.reshape(len(times), -1) for value in loop.holding(times).held_leaves.values()]
-    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
+    rows.append(np.tile(program.numbers, (len(times), 1)))
+    return np.ascontiguousarray(np.concatenate(rows, axis=1), dtype=float)  # as C reads them
 
 
 def _explain(error: Exception, loop: ClosedLoop) -> str:
@@ -369,7 +378,7 @@ class Lanes(Integrator):
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
         self._span_starts = np.array([span.start for span in problem.spans])
-        self._all_held = held_rows(problem.loop, self._span_starts)
+        self._all_held = held_rows(problem.loop, self._span_starts, law.field)
         control = problem.loop.vehicle.control
         self._listed = np.empty(0, library.WALKED)
         if control is not None and not problem.loop.vehicle.solves:
@@ -749,7 +758,7 @@ class Native(Engine):
             *(Rows(row, by_run=row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
             Rows(parameter_rows(problem), by_run=True),
-            Rows(held_rows(loop, times), by_sample=True),
+            Rows(held_rows(loop, times, program), by_sample=True),
         ]
         return library.evaluated(program, problem.runs, len(times), inputs)
 
@@ -779,7 +788,7 @@ class Native(Engine):
         inputs = [
             *(Rows(row, row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
-            Rows(held_rows(loop, times), by_sample=True),
+            Rows(held_rows(loop, times, measures.at_sample), by_sample=True),
             Rows(measures.columns, by_sample=True),
         ]
         ends, law = replace(problem, times=times[[0, -1]]), programs(loop)

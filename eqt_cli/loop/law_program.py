@@ -23,7 +23,7 @@ from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
-from eqt_cli.numbers.program import Input, Program, distinct, traced
+from eqt_cli.numbers.program import Input, Numbers, Program, distinct, traced
 from eqt_cli.numbers.running import MOST_RUNNING, Memory, Running
 
 INPUT, NUMBER, MEMORY, OUTPUT = "input_", "number_", "memory_", "output_"
@@ -113,7 +113,12 @@ class LawProgram:
         return {entry.name: numbers[entry.source].reshape(entry.shape) for entry in self.numbers}
 
 
-def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = False) -> LawProgram:
+def law_program(
+    loop: ClosedLoop,
+    adapter: Any = None,
+    with_outputs: bool = False,
+    expressed: Numbers | None = None,
+) -> LawProgram:
     """Return the law of a closed loop as a program.
 
     A law that cannot be traced raises whatever error it raises on symbols.
@@ -126,6 +131,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
         reads, is `MISSING` among the inputs of `step`.
     with_outputs
         Whether to trace what the law gives besides torque and memory.
+    expressed
+        Numbers of expressions, as of `traced`, for `step`.
     """
     G = loop.group
     loop = dataclasses.replace(loop, held_law=loop.controller.held(G, 0.0))
@@ -176,7 +183,7 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
         values = symbolic.controller.output(s)
         return {OUTPUT + each.name: np.ravel(values[each.source]) for each in outputs}
 
-    programs = [traced(step, groups)]
+    programs = [traced(step, groups, expressed)]
     programs += [traced(start, groups)] * bool(memory) + [traced(output, groups)] * bool(outputs)
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
@@ -341,7 +348,7 @@ def running(
         traced(at_sample, inputs | {"columns": MOST_RUNNING, "memory": MOST_RUNNING})
         columns = np.array(memory.columns).reshape(-1, len(times)).T.copy()
         sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
-        program = traced(at_sample, inputs | sizes)
+        program = traced(at_sample, inputs | sizes, {})
         last = traced(ended, {"memory": sizes["memory"]})
         of_sample = tuple((name, shapes[name][1:]) for name in stored)
         return RunningPrograms(program, last, np.array(memory.starts), columns, of_sample)

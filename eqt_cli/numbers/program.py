@@ -10,7 +10,7 @@ import operator
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -101,11 +101,15 @@ class Program:
         one value stand together, so that few are kept at a time.
     outputs
         The arrays that it returns.
+    numbers
+        The last inputs of the group `NUMBERS`: numbers of expressions, in which equal programs may
+        differ.
     """
 
     inputs: tuple[tuple[str, int], ...]
     values: tuple[Value, ...]
     outputs: tuple[Output, ...]
+    numbers: tuple[float, ...] = field(default=(), compare=False)
 
     @cached_property
     def _hash(self) -> int:
@@ -195,8 +199,20 @@ class Symbol:
     __rmul__ = __mul__
 
 
+NUMBERS = "held"
+"""The group of inputs that ends with the numbers of expressions; all runs share it."""
+
+Numbers: TypeAlias = dict[float, int]
+"""Places of the numbers of expressions. Equal ones share one, as equal constants do, so that equal
+operations are done once, and products are fused or not, as if all were constants."""
+
+
 class _Trace(dict[Any, Symbol]):
     """All symbols of a program, by keys that equal symbols share."""
+
+    def __init__(self, numbers: Numbers | None, begin: int) -> None:
+        super().__init__()
+        self.numbers, self.begin = numbers, begin
 
     def constant(self, number: float) -> Symbol:
         # As keys, 0.0 and -0.0 would be equal, and nan would differ from nan.
@@ -214,6 +230,17 @@ class _Trace(dict[Any, Symbol]):
         symbol = self.get(key)
         if symbol is None:
             self[key] = symbol = Symbol(self, name, operands, of=of)
+        return symbol
+
+    def number(self, number: float) -> Symbol:
+        """Return a number of an expression: an input where `numbers` are collected."""
+        if self.numbers is None:
+            return self.constant(number)
+        place = self.numbers.setdefault(number, len(self.numbers))
+        key = "input", NUMBERS, self.begin + place
+        symbol = self.get(key)
+        if symbol is None:
+            self[key] = symbol = Symbol(self, "input")
         return symbol
 
     def inputs(self, group: str, length: int, *inside: int) -> Array:
@@ -364,12 +391,17 @@ register_symbols(
         "less": _less,
         "smooth_less": _compared("smooth_less"),
         "where": _selected,
+        "number": lambda like, number: like.trace.number(number),
         "repeated": lambda *arguments: _repeated(*arguments),
     },
 )
 
 
-def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, int]) -> Program:
+def traced(
+    function: Callable[[dict[str, Array]], Arrays],
+    inputs: Mapping[str, int],
+    numbers: Numbers | None = None,
+) -> Program:
     """Trace a function to a program.
 
     Parameters
@@ -379,8 +411,11 @@ def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, 
         for each group of inputs.
     inputs
         The length of each group, by its name.
+    numbers
+        Numbers of expressions, to which new ones are added; they become inputs. Without it they
+        are constants.
     """
-    trace = _Trace()
+    trace = _Trace(numbers, inputs.get(NUMBERS, 0))
     symbols_of = {group: trace.inputs(group, length) for group, length in inputs.items()}
     arrays = {name: np.asarray(array, dtype=object) for name, array in function(symbols_of).items()}
     entries = {name: [*map(trace.symbol, array.flat)] for name, array in arrays.items()}
@@ -397,7 +432,14 @@ def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, 
         Output(name, array.shape, tuple(places[entry] for entry in entries[name]))
         for name, array in arrays.items()
     )
-    return Program(tuple(inputs.items()), values, outputs)
+    return with_numbers(Program(tuple(inputs.items()), values, outputs), numbers or {})
+
+
+def with_numbers(program: Program, numbers: Numbers) -> Program:
+    """Return a program that takes these numbers of expressions."""
+    more = len(numbers) - len(program.numbers)
+    inputs = [(name, length + more * (name == NUMBERS)) for name, length in program.inputs]
+    return replace(program, inputs=tuple(inputs), numbers=tuple(numbers))
 
 
 def _value(symbol: Symbol, places: Mapping[Symbol, int]) -> Value:

@@ -80,9 +80,9 @@ def digest(program, names):
         if isinstance(value, Input):
             named = names.get(value.group)
             name = named[value.number] if named else f"{value.group}[{value.number}]"
-            forms.append((name, 1))
+            forms.append(number(name) if isinstance(name, float) else (name, 1))
         elif isinstance(value, Constant):
-            forms.append((abs(value.number).hex(), -1 if value.number < 0 else 1))
+            forms.append(number(value.number))
         else:
             of = value.of if value.name != "loop" else (digest(value.of.program, {}), value.of.rows)
             name = value.name if of is None else f"{value.name} {of}"
@@ -92,6 +92,11 @@ def digest(program, names):
         entries = [f"{sign} {name}" for name, sign in (forms[entry] for entry in output.entries)]
         lines.append(f"{output.name} {output.shape} {' '.join(entries)}")
     return hashed(*sorted(lines))[:16]
+
+
+def number(value):
+    """The form of a number; one of an expression is an input, but counts as the constant it is."""
+    return abs(value).hex(), -1 if value < 0 else 1
 
 
 def form(name, operands):
@@ -126,7 +131,7 @@ def compiled(loop):
     except TraceError:
         return ["-"]
     names = {"parameters": numbered(leaves(loop))}
-    names["held"] = numbered(loop.holding(0.0).held_leaves)
+    names["held"] = [*numbered(loop.holding(0.0).held_leaves), *of_loop.field.numbers]
     digests = [digest(fused(with_comparison_sides(of_loop.field)[0]), names)]
     parts = [of_loop.after_instant, of_loop.command]
     if of_loop.around_code is not None:

@@ -296,7 +296,7 @@ def errors_of(problem, tick):
 def numbers_of(batch):
     """The numbers of a problem as the driver reads them."""
     problem, engine = batch.problem, batch.engine
-    spans, runs = problem.spans, problem.runs
+    spans, runs, field = problem.spans, problem.runs, native.programs(problem.loop).field
     lengths = [each.shape[1] for each in errors_of(problem, 0)] if problem.errors else [0, 0]
     tolerances = np.array([engine.rtol, engine.atol]) * native.STEP_SHARE
     written = [
@@ -310,7 +310,7 @@ def numbers_of(batch):
             np.array([span.later, span.tick is not None]),
             np.array([span.start, span.stop, *span.within]),
             span.grid[1 : 1 + span.later],
-            native.held_rows(problem.loop, np.array([span.start]))[0],
+            native.held_rows(problem.loop, np.array([span.start]), field)[0],
             *(errors_of(problem, span.tick) if span.tick is not None else ()),
         ]
     return b"".join(np.ascontiguousarray(each).tobytes() for each in written)

@@ -318,6 +318,62 @@ def test_of_two_products_in_a_sum_the_one_that_is_computed_first_is_kept(functio
     assert {value.number for value in used if isinstance(value, Input)} == kept
 
 
+# Numbers of expressions, which become inputs where a tracer collects them -------------------------
+
+
+def of_expressions(texts, numbers):
+    """The program of expressions in t, and their values at some times."""
+    expressions = [parse(text) for text in texts]
+
+    def values(t):
+        return arrays.stack([expression.evaluate({"t": t}) for expression in expressions])
+
+    def computed(given):
+        return {"y": values(given["t"][0])}
+
+    return traced(computed, {"t": 1, "held": 2}, numbers), values
+
+
+@pytest.mark.parametrize(
+    ("texts", "others"),
+    {
+        "amplitude and time": (["0.02*cos(t/5)", "3"], ["0.3*cos(t/7)", "-4"]),
+        "constants are one number": (["2*pi/5*t + sin(2)"], ["pi/9*t + sin(7)"]),
+        "conditions": (["where(t < 0.4, 0.3, 5)*t"], ["where(t < 2.5, 7, 0.6)*t"]),
+        "smooth steps": (["smoothstep(t, 0.4, 3)"], ["smoothstep(t, 0.2, 7)"]),
+        "a quotient by a power of 2": (["t/4 + 0.3*sin(t)"], ["t/16 + 0.7*sin(t)"]),
+        "a power is structure": (["5*t**2 + 3**t"], ["7*t**2 + 3**t"]),
+    }.values(),
+)
+def test_programs_of_other_numbers_are_equal(in_c, texts, others):
+    one, values = of_expressions(texts, {})
+    other, values_of_other = of_expressions(others, {})
+    assert one == other and one.numbers != other.numbers
+    for program, expected in ((one, values), (other, values_of_other)):
+        for t in (0.3, 0.4, 2.7, 9.0):
+            held = [np.nan, np.nan, *program.numbers]
+            y = in_c(program, t=[t], held=held)["y"]
+            np.testing.assert_allclose(y, np.atleast_1d(expected(t)), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("texts", "others"),
+    [
+        (["0.3*t"], ["0*t"]),  # 0, 1 and -1 shorten programs
+        (["0.3*t"], ["1*t"]),
+        (["t**2"], ["t**3"]),
+        (["0.3*t", "0.5*sin(t)"], ["0.5*t", "0.5*sin(t)"]),  # equal numbers are one
+    ],
+)
+def test_programs_of_another_structure_differ(texts, others):
+    assert of_expressions(texts, {})[0] != of_expressions(others, {})[0]
+
+
+def test_numbers_are_constants_where_nobody_collects_them():
+    program, _ = of_expressions(["0.3*t + 7"], None)
+    assert program.numbers == () and dict(program.inputs)["held"] == 2
+
+
 # A filter of measurements that wait in a ring: y ← y + g (x − y) where x has arrived --------------
 
 

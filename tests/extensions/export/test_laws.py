@@ -442,7 +442,7 @@ def compare(tmp_path, law, group):
     loop = found.loop
     path = library(found, written(found, tmp_path), compilers()[0])
     [batch] = batches(Study(None, found.experiment), law, np.arange(2))
-    problem, parts = batch.problem, at_instants(batch.problem.loop)
+    problem = batch.problem
     G, states = loop.group, problem.states.copy()
     if "desired_pose" in loop.layout.slices:  # a pose in which no entry is 0 or 1
         turned = G.exp(0.3 * np.arange(1, 1 + G.dimension))
@@ -454,10 +454,12 @@ def compare(tmp_path, law, group):
         Rows(states, by_run=True),
         Rows(np.array([0.0])),
         Rows(parameter_rows(problem), by_run=True),
-        Rows(held_rows(loop, np.array([0.0]))[0]),
     ]
-    told = native_library.evaluated(parts.input, problem.runs, 1, rows)
-    instant = native_library.evaluated(programs(loop).after_instant, problem.runs, 1, rows)
+    told, instant = (
+        native_library.evaluated(part, problem.runs, 1, [*rows, Rows(held)])
+        for part in (at_instants(loop).input, programs(loop).after_instant)
+        for held in held_rows(loop, np.array([0.0]), part)
+    )
     after = instant["state"][:, 0]
     memory, later = loop.memory(states), loop.memory(after)
     at = {INPUT + each.name: told[each.name][:, 0] for each in found.program.inputs}
