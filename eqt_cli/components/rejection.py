@@ -47,7 +47,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         The inner law: a kind of the group, or a mapping with `kind` and options.
     lag
         T_a as it is believed, s: a number, or one along each axis. Default: that of the actuator
-        `lag` or the `time_constant` of thrusters, else 0.
+        `lag` or the `time_constant` of thrusters, of two the longer one, else 0.
     believed
         The lag T_a along each axis, s; None for 0.
     """
@@ -136,7 +136,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
     def _lag(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Array | None:
         """Return the believed lag along each axis; None for 0."""
-        lags = [getattr(part, "time_constant", None) for part in plant.actuators]
+        lags = [getattr(part.linear_part, "time_constant", None) for part in plant.actuators]
         true = [np.unique(x) if np.ptp(x) == 0 else x for x in lags if x is not None]
         lag: Any = self.lag
         if lag is None and len(true) == 1 and np.size(true[0]) in (1, G.dimension):

@@ -20,6 +20,7 @@ from eqt_cli.base.arrays import (
     maximum,
     norm,
     outside,
+    smooth_less,
     sqrt,
     stack,
     where,
@@ -50,7 +51,10 @@ SPEEDS = ("low_speed", "high_speed")
 CHANGING = ("fails", "sag")
 """Options that change thrusters over time."""
 
-POSITIVE = "time_constant", "weights", "thrust_constant", "moment_constant", "rotor_inertia", "isp"
+LAGS = "time_constant", "time_constant_down"
+"""Time constants of the lag."""
+
+POSITIVE = (*LAGS, "weights", "thrust_constant", "moment_constant", "rotor_inertia", "isp")
 """Options that are numbers above 0."""
 
 SMALLEST = 1e-10
@@ -58,6 +62,9 @@ SMALLEST = 1e-10
 
 ALL = 0.995
 """Share of a torque from which on all of it arrives."""
+
+FAINT = 1e-6
+"""Norm of a row of B, relative to the largest, that digits of the thrusters' directions explain."""
 
 NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
@@ -214,6 +221,9 @@ class Thrusters(Solving, Running):
         Smallest and largest thrust, N. Default: no limit.
     time_constant
         T of a first-order lag, s. Default: no lag.
+    time_constant_down
+        T while a thrust, or the speed of a rotor, falls; `time_constant` is then that while it
+        rises. Margins, gains and filters use the longer of the two. Default: `time_constant`.
     thrust_constant
         k_η of rotors, thrust over speed squared, N s²/rad².
     moment_constant
@@ -262,6 +272,9 @@ class Thrusters(Solving, Running):
     low: Annotated[Numbers | None, Unit("N")] = None
     high: Annotated[Numbers | None, Unit("N")] = None
     time_constant: Annotated[Numbers | None, Scale("time constant of the thrusters", "s")] = None
+    time_constant_down: Annotated[
+        Numbers | None, Scale("time constant of falling thrusts", "s")
+    ] = None
     thrust_constant: Annotated[
         Numbers | None, Scale("thrust constant of the rotors", "N s^2/rad^2")
     ] = None
@@ -360,10 +373,14 @@ class Thrusters(Solving, Running):
     @property
     def linear_part(self) -> Actuator:
         """The thrusters without limits: B of full rank then gives the command, up to the lag."""
+        up: Any = self.time_constant
+        down = self.time_constant_down
+        lag = {} if down is None else {"time_constant": np.maximum(up, down), LAGS[1]: None}
         if not self.limits:
-            return self
-        limits = dict.fromkeys(("low", "high", *SPEEDS, "scale", "jets", "believed"))
-        return with_fields(self, **limits, allocation="pseudo_inverse", groups=(), faces=())
+            return with_fields(self, **lag) if lag else self
+        none = dict.fromkeys(("low", "high", *SPEEDS, "scale", "jets", "believed"))
+        free = {"allocation": "pseudo_inverse", "groups": (), "faces": ()}
+        return with_fields(self, **none, **free, **lag)
 
     @cached_property
     def count(self) -> int:
@@ -434,7 +451,7 @@ class Thrusters(Solving, Running):
     def with_allocation(self, G: MatrixLieGroup) -> Self:
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
         B = self.columns(G)
-        names = "low", "high", "time_constant", "thrust_constant", "isp", *SPEEDS
+        names = "low", "high", *LAGS, "thrust_constant", "isp", *SPEEDS
         values = of_each(self, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
             if speed in values:
@@ -623,8 +640,12 @@ class Thrusters(Solving, Running):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for what changes at the next instant."""
         thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
-        followed = self.model.followed
-        rates = [(followed(thrusts) - lagging) / self.time_constant] if self.moves else []
+        rates = []
+        if self.moves:
+            followed, T = self.model.followed(thrusts), self.time_constant
+            if self.time_constant_down is not None:  # both forms are 0 where they meet
+                T = where(smooth_less(followed, lagging), self.time_constant_down, T)
+            rates = [(followed - lagging) / T]
         return np.concatenate([0.0 * x, *rates], axis=-1)[..., -self.states(G) :]
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
@@ -706,6 +727,8 @@ class Thrusters(Solving, Running):
             self._check_places(G, problems.at("thrusters"))
         if problems:
             return
+        if self.time_constant_down is not None and not self.moves:
+            problems.at("time_constant_down").add("needs time_constant, the one of rising thrusts")
         self._check_rotors(problems)
         self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
@@ -865,10 +888,10 @@ class Thrusters(Solving, Running):
 
 
 def _norms(B: Array) -> Array:
-    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are 0 relative to the largest."""
+    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are `FAINT` beside the largest."""
     largest = np.maximum(np.abs(B).max(axis=1, keepdims=True), np.finfo(float).tiny)
     norms: Array = largest * np.linalg.norm(B / largest, axis=1, keepdims=True)  # none overflows
-    return np.where(norms > SMALLEST * norms.max(), norms, 1.0)
+    return np.where(norms > FAINT * norms.max(), norms, 1.0)
 
 
 def allocation(B: Array, least: float, scale: Array) -> tuple[Array, Array | None]:

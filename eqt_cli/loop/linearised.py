@@ -16,7 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
-from eqt_cli.components.actuators import nominal
+from eqt_cli.components.actuators import Actuator, nominal
 from eqt_cli.components.laws import (
     CountsInstants,
     Designed,
@@ -868,16 +868,23 @@ class LeftOut(NamedTuple):
     destabilises: bool = True
 
 
+def _left_out_of(actuators: Sequence[Actuator]) -> Iterator[LeftOut]:
+    """Yield the parts of actuators that a linearised loop leaves out."""
+    for index, actuator in enumerate(actuators):
+        if getattr(actuator, "time_constant_down", None) is not None:
+            yield LeftOut(f"{ACTUATORS}[{index}] (the shorter of its two time constants)")
+        if actuator.linear_part is not actuator or actuator.limits:
+            what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
+            # At a limit no loop is pushed harder: what grows from small errors, grows.
+            yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
+
+
 def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[LeftOut]:
     """Yield the parts that a linearised loop leaves out."""
     vehicle = loop.vehicle
     if free := loop.task.words(loop.gains):
         yield LeftOut(f"{free} (task: {loop.task.kind} leaves it)", False, False)
-    for index, actuator in enumerate(vehicle.actuators):
-        if actuator.linear_part is not actuator or actuator.limits:
-            what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
-            # At a limit no loop is pushed harder: what grows from small errors, grows.
-            yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
+    yield from _left_out_of(vehicle.actuators)
     if isinstance(loop.controller, ReadsLimits) and loop.controller.acting:
         yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():

@@ -16,7 +16,7 @@ from eqt_cli.components.actuators import Limit, RateLimit
 from eqt_cli.components.blocks import beyond_limits, signals, solution
 from eqt_cli.components.forces import Drag
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
+from eqt_cli.components.thrusters import Thruster, Thrusters, allocation, unreachable
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
 from eqt_cli.config.remarks import limits_below_reference
@@ -171,6 +171,31 @@ def test_thrusts_have_the_least_weighted_sum_of_squares():
     np.testing.assert_allclose(B @ f, tau, atol=1e-14)
     across = np.linalg.svd(B)[2][6:]  # of the thrusts that give no torque
     np.testing.assert_allclose(across @ (weights * f), 0, atol=1e-13)
+
+
+@pytest.mark.parametrize("constant", [None, 2e-5])
+def test_thrusts_fall_with_a_time_constant_of_their_own(constant):
+    """T ẋ = wanted − x, with T = 0.1 s while x rises and 0.4 s while it falls; x is a speed."""
+    part = Thrusters(
+        thrusters=[Thruster(**each) for each in EIGHT],
+        **({} if constant is None else {"thrust_constant": constant, "low": 0.0, "high": 9.0}),
+        time_constant=0.1,
+        time_constant_down=0.4,
+    ).of_run(SE3, None)
+    tau = np.array([0.3, -0.2, 0.1, 1.0, 2.0, -0.7])
+    thrusts = np.linalg.pinv(part.matrix) @ tau
+    wanted = thrusts if constant is None else np.sqrt(np.clip(thrusts, 0, 9) / constant)
+    x = wanted + [0.1, -0.1] * 4
+    expected = np.tile([-0.1 / 0.4, 0.1 / 0.1], 4)
+    np.testing.assert_allclose(part.state_rate(SE3, tau, x), expected, rtol=1e-9)
+    np.testing.assert_array_equal(part.linear_part.time_constant, 8 * [0.4])
+
+
+def test_directions_that_digits_explain_are_not_pushed_along():
+    """Two rotors in one line, and π of three digits: the torque of the third is a rounding."""
+    B = np.array([[0.1, -0.1, 0.0], [1e-9, 2e-9, 3e-9], [0.0, 0.0, 0.2], [1.0, 1.0, 1.0]])
+    inverse, _ = allocation(B, 0.05, np.ones(3))
+    assert np.abs(inverse).max() < 20
 
 
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
