@@ -23,6 +23,9 @@ from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
+DIGITS = 1e-6
+"""Negative eigenvalue of a drag matrix, relative to its largest entry, that its digits explain."""
+
 UNLIKE = 0.03
 """Relative difference of numbers of one body beyond which they get a remark; of g it is 0.005."""
 
@@ -304,7 +307,7 @@ class Drag(PlacedForce):
         for key in self.matrices:
             D = getattr(self, key)
             least = np.linalg.eigvalsh(D + D.T)[0] / 2
-            if least < -ROUNDING * np.abs(D).max():
+            if least < -DIGITS * np.abs(D).max():
                 yield (
                     key,
                     f"has the eigenvalue {least:.4g} and drives the body at some velocities; "

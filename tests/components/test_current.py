@@ -399,6 +399,8 @@ def said_of(experiment_of, **changes):
         ({"quadratic": -0.5}, "quadratic", -0.5),
         ({"linear": [*FOUR, [0, 0, 0, 0, 1, 3], [0, 0, 0, 0, 0, 1]]}, "linear", -0.5),
         ({"linear": [*FOUR, [0, 0, 0, 0, 1, 9], [0, 0, 0, 0, -9, 0]]}, None, 0),
+        # √(1/3) and 1/3 in six digits: an eigenvalue of −1e-7
+        ({"linear": [*FOUR, [0, 0, 0, 0, 1, 0.57735], [0, 0, 0, 0, 0.57735, 0.333333]]}, None, 0),
     ],
 )
 def test_drag_that_gives_energy_is_said(experiment_of, drag, key, least):
