@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
-from eqt_cli.base.extensions import all_kinds, functions_for
+from eqt_cli.base.extensions import all_kinds, function_for, functions_for
 from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
@@ -144,6 +144,9 @@ def _described(kind: str) -> list[dict[str, Any]]:
 # `eqt config`: configurations ---------------------------
 
 
+VEHICLE_FILES = (".sdf", ".urdf", ".xacro", ".xml", ".mjcf", ".jinja")
+"""Suffixes of files of vehicles."""
+
 MOST_CHECKED = 300
 """Maximum number of points of a sweep that are checked, spread over all of them."""
 
@@ -168,46 +171,94 @@ def new(
     mass: Annotated[float | None, options.option("--mass")] = None,
     inertia: Annotated[str | None, options.option("--inertia")] = None,
     bandwidth: Annotated[float | None, options.option("--bandwidth")] = None,
+    models: Annotated[list[Path] | None, options.option("--models")] = None,
+    thrust: Annotated[str | None, options.option("--thrust")] = None,
+    reversible: Annotated[bool, options.option("--reversible")] = False,
+    without: Annotated[list[str] | None, options.option("--without")] = None,
+    wingless: Annotated[bool, options.option("--wingless")] = False,
+    arg: Annotated[list[str] | None, options.option("--arg")] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Create your own configuration from a shipped one, or from the parameters of a vehicle.
+    """Create your own configuration from a shipped one, or of a vehicle: from its file or numbers.
 
     Options
     -------
     Experiment
-        --from NAME  Shipped configuration to start from. Default: paper.
+        --from NAME|FILE  Shipped configuration to start from, or an SDF, URDF, xacro or MJCF file
+            of a vehicle. Default: paper.
     A vehicle
-        --vehicle NAME  quadrotor, satellite, auv or boat. Its gains follow from these numbers.
+        --vehicle NAME  quadrotor, satellite, auv or boat. Its gains follow from these numbers. Of a
+            vehicle from a file, what moves it, if the file does not say.
         --mass M  Mass, kg.
-        --inertia A,B,C  Principal moments of inertia, kg m²; of a boat the one about the vertical.
+        --inertia A,B,C  Principal moments of inertia, kg m²; of a boat the one about the vertical;
+            or ixx,ixy,ixz,iyy,iyz,izz.
         --bandwidth W  Both closed-loop poles of each small error, rad/s.
+    A vehicle from a file
+        --models DIR  Folder of included models, or of ROS packages. Repeatable.
+        --thrust LOW,HIGH  Limits of the thrust of each rotor, N, instead of those in the file.
+        --reversible  Rotors push both ways.
+        --without NAME  Link or included model to leave out. Repeatable.
+        --wingless  Leave out the lift and drag of wings and fins.
+        --arg NAME=VALUE  Argument of a xacro file. Repeatable.
     """
-    numbers = {"--mass": mass, "--inertia": inertia, "--bandwidth": bandwidth}
-    of_vehicle = [name for name, value in numbers.items() if value is not None]
-    if vehicle is None and of_vehicle:
-        raise EqtError(
-            f"{of_vehicle[0]} applies to vehicles only; add --vehicle {' | '.join(VEHICLES)}"
-        )
-    if vehicle is not None:
-        if source is not None:
-            raise EqtError("--vehicle replaces --from; leave one of them out")
-        if bandwidth is None:
-            raise EqtError(f"--vehicle {vehicle} needs --bandwidth, in rad/s, such as 5")
-        text = first_file(vehicle, mass, _moments(inertia or ""), bandwidth)
-    source = vehicle or source or "paper"
-    text = text if vehicle else shipped.text(source)
+    of_file = {
+        "--models": models,
+        "--thrust": thrust,
+        "--reversible": reversible,
+        "--without": without,
+        "--wingless": wingless,
+        "--arg": arg,
+    }
+    of_body = {"--mass": mass, "--inertia": inertia}
+    text, name, facts = _text_of(source, vehicle, bandwidth, of_body, of_file)
     if file == Path("-"):
         output.print_verbatim(text)
         return
-    file = file or Path(f"{source}.yaml")
+    file = file or Path(f"{name}.yaml")
     with refusals(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             new_file(file, text.encode())
         except FileExistsError:
             raise EqtError(f"{file}: already exists; give another name, or remove it") from None
-    output.print_text(str(file))
+    output.print_text(str(file), *facts)
+    if facts:
+        check(file)
     output.say(f"next: eqt run {file}")
+
+
+def _text_of(
+    source: str | None,
+    vehicle: str | None,
+    bandwidth: float | None,
+    of_body: dict[str, Any],
+    of_file: dict[str, Any],
+) -> tuple[str, str, list[str]]:
+    """Return a configuration, its name, and lines on the vehicle that a file has."""
+    numbers = {**of_body, "--bandwidth": bandwidth}
+    first = next((name for name, value in numbers.items() if value is not None), "")
+    wanted = {name.strip("-"): value for name, value in of_file.items() if value}
+    is_file = source is not None and Path(source).suffix in VEHICLE_FILES
+    if wanted and not is_file:
+        raise EqtError(f"--{next(iter(wanted))} is of a vehicle from a file; add --from FILE")
+    if not is_file and vehicle is None:
+        if first:
+            known = " | ".join(VEHICLES)
+            raise EqtError(f"{first} applies to vehicles only; add --vehicle {known}")
+        return shipped.text(source or "paper"), source or "paper", []
+    if not is_file and source is not None:
+        raise EqtError("--vehicle replaces --from; leave one of them out")
+    if bandwidth is None:
+        what = f"--from {source}" if is_file else f"--vehicle {vehicle}"
+        raise EqtError(f"{what} needs --bandwidth, in rad/s, such as 5")
+    if vehicle is not None and source is None:
+        moments = _moments(of_body["--inertia"] or "")
+        return first_file(vehicle, of_body["--mass"], moments, bandwidth), vehicle, []
+    if first != "--bandwidth":
+        raise EqtError(f"{first}: the file has these numbers; leave this option out")
+    file, read = Path(str(source)), function_for("config new --from a vehicle file")
+    text, facts = read(file, bandwidth=bandwidth, kind=vehicle, **wanted)
+    return text, file.name.partition(".")[0], facts
 
 
 def _moments(text: str) -> list[float]:

@@ -79,12 +79,9 @@ FOLDER = Path(__file__).with_name("templates")
 
 
 def first_file(vehicle: str, mass: float | None, inertia: Sequence[float], poles: float) -> str:
-    """Return a configuration as text.
+    """Return a configuration as text, with gains by `attitude_gains`.
 
-    About each axis, small errors obey J ε̈ + k_d ε̇ + k ε = 0 with k = J ω² and k_d = 2 J ω: both
-    poles at −ω. The weights K of the navigation function give the stiffness tr(K) I − K, so that
-    K_i = Σ_j k_j/2 − k_i; in a plane, where both turn the same axis, K_i = k/2. Positions follow
-    likewise, with the mass in the place of J; those of a quadrotor at ω/5.
+    Positions follow likewise, with the mass in the place of J; those of a quadrotor at ω/5.
 
     Parameters
     ----------
@@ -93,7 +90,8 @@ def first_file(vehicle: str, mass: float | None, inertia: Sequence[float], poles
     mass
         kg; None for a satellite.
     inertia
-        Principal moments of inertia J, kg m²; of a boat the one about the vertical.
+        Principal moments of inertia J, kg m²; of a boat the one about the vertical. In space also
+        six numbers, ixx, ixy, ixz, iyy, iyz and izz.
     poles
         ω, rad/s.
 
@@ -104,29 +102,35 @@ def first_file(vehicle: str, mass: float | None, inertia: Sequence[float], poles
     """
     if vehicle not in VEHICLES:
         raise EqtError(f"--vehicle: expected {', '.join(VEHICLES)}, got '{vehicle}'")
-    count, m = VEHICLES[vehicle], mass or 0.0
-    if len(inertia) != count or not min(inertia) > 0:
-        example = "0.1,0.2,0.25" if count > 1 else "20"
+    import numpy as np  # loaded by no help page
+
+    count, m, whole = VEHICLES[vehicle], mass or 0.0, len(inertia) == 6
+    J = np.diag(inertia)
+    if whole and count > 1:
+        J = np.zeros((3, 3))
+        J[np.triu_indices(3)] = inertia
+        J += np.triu(J, 1).T
+    moments = np.linalg.eigvalsh(J).tolist() if len(J) == count else [0.0]
+    if not min(moments) > 0:
+        example = "0.1,0.2,0.25, or ixx,ixy,ixz,iyy,iyz,izz" if count > 1 else "20"
         raise EqtError(f"--inertia: expected {count} positive kg m² of a {vehicle}, as {example}")
-    if count > 1 and not 2 * max(inertia) < sum(inertia):
+    if count > 1 and not 2 * max(moments) < sum(moments):
         raise EqtError("--inertia: each moment of a rigid body is less than the sum of the others")
     if vehicle != "satellite" and not m > 0:
         raise EqtError(f"--mass: expected the mass of the {vehicle} in kg, such as 1.2")
     if not poles > 0:
         raise EqtError(f"--bandwidth: expected a positive number in rad/s, got {poles:g}")
-    stiffness, damping = ([c * J * w for J in inertia] for c, w in ((1, poles**2), (2, poles)))
-    weights = [sum(stiffness) / 2 - k for k in stiffness] if count > 1 else [stiffness[0] / 2] * 2
+    weights, damping = attitude_gains(J, poles)
     slow = poles / 5 if vehicle == "quadrotor" else poles
-    axes, end = (3 if count > 1 else 2), 12 * pi / slow
-    numbers: dict[str, float | Sequence[float]] = {
+    axes, end = len(weights), 12 * pi / slow
+    of_body = f"{{ urdf: {written(inertia)}" if whole else ""
+    numbers: dict[str, Any] = {
         "m": m,
         "weight": m * GRAVITY,
-        "J": inertia,
-        "all": [*inertia, *[m] * axes],
         "K": weights,
-        "kp": [*weights, m * slow**2],
+        "kp": block(weights, [m * slow**2]),
         "turn": damping,
-        "kd": [*damping, *[2 * m * slow] * axes],
+        "kd": block(damping, [2 * m * slow] * axes),
         "kx": slow**2,
         "kv": 2 * slow,
         "path": slow / 3,
@@ -135,11 +139,66 @@ def first_file(vehicle: str, mass: float | None, inertia: Sequence[float], poles
         "duration": end / 2,
         "end": end,
     }
+    texts = {name: written(number) for name, number in numbers.items()}
+    texts["J"] = f"{of_body} }}" if whole else written(inertia)
+    texts["all"] = f"{of_body}, mass: {m:.4g} }}" if whole else written([*inertia, *[m] * axes])
     template = Template((FOLDER / f"{vehicle}.yaml").read_text(encoding="utf-8"))
-    return template.substitute({name: _written(number) for name, number in numbers.items()})
+    return template.substitute(texts)
 
 
-def _written(number: float | Sequence[float]) -> str:
-    if isinstance(number, Sequence):
-        return f"[{', '.join(map(_written, number))}]"
-    return f"{number:.4g}"
+SPREAD = 0.98
+"""Largest stiffness about a principal axis relative to the sum of the others, for K > 0."""
+
+
+def attitude_gains(J: Any, poles: float) -> tuple[Any, Any]:
+    """Return weights K and damping K_d by which small errors of an attitude have both poles at −ω.
+
+    They obey J ε̈ + K_d ε̇ + k ε = 0 with k = J ω² and K_d = 2 J ω. The weights K of the navigation
+    function give the stiffness tr(K) I − K, so that K = tr(k)/2 I − k; in a plane, where both turn
+    the same axis, K_i = k/2. About an axis whose moment is that of the others together, or more, k
+    and with it both poles are smaller.
+
+    Parameters
+    ----------
+    J : (3, 3), or (1, 1) in a plane
+        kg m².
+    poles
+        ω, rad/s.
+    """
+    import numpy as np  # loaded by no help page
+
+    moments, axes = np.linalg.eigh(J)
+    stiffness = moments * poles**2
+    if len(J) == 1:
+        return np.diag([stiffness[0] / 2] * 2), 2 * J * poles
+    stiffness[-1] = min(stiffness[-1], SPREAD * stiffness[:-1].sum())
+    weights, damping = stiffness.sum() / 2 - stiffness, 2 * np.sqrt(moments * stiffness)
+    return axes * weights @ axes.T, axes * damping @ axes.T
+
+
+def block(matrix: Any, diagonal: Sequence[float]) -> Any:
+    """Return a matrix with more numbers on its diagonal."""
+    import numpy as np  # loaded by no help page
+
+    size = len(matrix)
+    whole = np.diag([*np.diag(matrix), *diagonal])
+    whole[:size, :size] = matrix
+    return whole
+
+
+NEGLIGIBLE = 1e-3
+"""Numbers off the diagonal, relative to the largest, that a written matrix leaves out."""
+
+
+def written(value: Any) -> str:
+    """Return a number, a list or a symmetric matrix as YAML, to four digits."""
+    import numpy as np  # loaded by no help page
+
+    numbers = np.asarray(value, dtype=float)
+    if numbers.ndim == 2:
+        small = NEGLIGIBLE * np.abs(numbers).max()
+        off = np.abs(numbers - np.diag(np.diag(numbers))).max(initial=0.0)
+        numbers = np.diag(numbers) if off <= small else (numbers + numbers.T) / 2
+    if numbers.ndim == 0:
+        return f"{numbers:.4g}"
+    return f"[{', '.join(map(written, numbers))}]"

@@ -62,6 +62,13 @@ VEHICLES = {
         "cascade x, y, z 2 1",
     ],
     "satellite --inertia 6,4,7 --bandwidth 0.2": ["Lee 2010, Bullo–Murray ωx, ωy, ωz 0.2 1"],
+    "satellite --inertia 6,0.5,-0.4,4,0.3,7 --bandwidth 0.2": [
+        "Lee 2010, Bullo–Murray ωx, ωy, ωz 0.2 1"
+    ],
+    "quadrotor --mass 0.5 --inertia 4e-3,-1e-3,0,4e-3,0,7e-3 --bandwidth 10": [
+        "cascade ωx, ωy, ωz 10 1",
+        "cascade x, y, z 2 1",
+    ],
     "auv --mass 11.5 --inertia 0.16,0.16,0.2 --bandwidth 1.5": [
         "EqT, GT ωx, ωy, ωz, vx, vy, vz 1.5 1"
     ],
@@ -77,7 +84,7 @@ def checked(out):
     return first.splitlines(), rows, [line for text in last for line in text.splitlines()]
 
 
-BRIEF = [f"{vehicle[:9]}-gains of " for vehicle in VEHICLES]
+BRIEF = [f"{' '.join(vehicle.split()[::2])[:40]}" for vehicle in VEHICLES]
 
 
 @pytest.mark.needs("proofs")

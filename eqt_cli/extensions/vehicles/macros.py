@@ -1,0 +1,191 @@
+"""xacro files as URDF, without ROS and without running what they hold.
+
+The package xacro evaluates Python in ``${…}`` and guards the names of the outermost expression
+alone. Here, an expression is arithmetic, and functions of its own namespaces; what could leave
+them, or need much memory, is refused before.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.vehicles.elements import Element, content, parsed, read, shown
+from eqt_cli.extensions.vehicles.request import Request
+
+MOST_CALLS = 20_000
+"""Most calls of macros, which may call each other."""
+
+LARGEST_FACTOR = 1e30
+
+_REFUSED = (
+    *(ast.Lambda, ast.NamedExpr, ast.GeneratorExp, ast.JoinedStr, ast.Await, ast.Yield),
+    *(ast.YieldFrom, ast.Starred),
+)
+_METHODS = {"format", "format_map", "mro"}
+_TYPES = ("vars", "type", "hash", "repr", "isinstance", "issubclass", "range")
+_INSIDE = ("_", "gi_", "f_", "cr_", "ag_", "tb_", "co_", "func_")
+
+
+class _Guard(ast.NodeTransformer):
+    """Refuses names that lead out of an expression, and guards products and powers."""
+
+    def visit(self, node: ast.AST) -> Any:
+        """Refuse other statements than arithmetic, calls and lists."""
+        if isinstance(node, _REFUSED):
+            raise EqtError(f"{type(node).__name__} is not read in an expression")
+        name = getattr(node, "attr", None)
+        if isinstance(name, str) and (name in _METHODS or name.startswith(_INSIDE)):
+            raise EqtError(f"the name {name} is not read in an expression")
+        return super().visit(node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:  # its name is ast's
+        """Compute products and powers of numbers alone."""
+        self.generic_visit(node)
+        if isinstance(node.op, ast.Mult | ast.Pow | ast.LShift):
+            op = ast.Constant(type(node.op).__name__)
+            guard = ast.Name("guarded", ast.Load())
+            return ast.Call(guard, [op, node.left, node.right], [])
+        return node
+
+
+def _guarded(op: str, left: Any, right: Any) -> Any:
+    """Return a product or a power of two numbers."""
+    for value in (left, right):
+        if not isinstance(value, int | float) or abs(value) > LARGEST_FACTOR:
+            raise EqtError(f"expected numbers to multiply, got {type(value).__name__}")
+    if op == "Mult":
+        return left * right
+    if op == "Pow" and abs(right) <= 100:
+        return left**right
+    raise EqtError(f"{op} is not read in an expression")
+
+
+def _range(*ends: int) -> list[int]:
+    """Return a list of whole numbers, up to a thousand."""
+    numbers = range(*ends)
+    if len(numbers) > 1000:
+        raise EqtError("range: expected at most 1000 numbers")
+    return list(numbers)
+
+
+def expanded(request: Request) -> Element:
+    """Return the URDF that xacro makes of a file; places name the link, since lines are lost.
+
+    Raises
+    ------
+    EqtError
+        Without the package xacro, and with what it says of the file.
+    """
+    try:
+        import xacro
+        from xacro import substitution_args
+    except ImportError:
+        raise EqtError(
+            f"{request.path}: macros of xacro need the package xacro; pip install 'eqt-cli[xacro]'"
+        ) from None
+    path, where = request.path.resolve(), shown(request.path)
+    read(path)  # refuses document types, depth and size
+    try:
+        with _without_ros(xacro, substitution_args, request):
+            document = xacro.process_file(str(path), mappings=request.arguments, verbosity=0)
+        text = document.toxml()
+    except EqtError as error:
+        raise EqtError(f"{where}: {error}") from None
+    except Exception as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        if lacks := re.search(r"substitution argument (\S+)", said):
+            name = lacks[1]
+            hint = f"the argument '{name}' has no value; give it with --arg {name}=VALUE"
+            raise EqtError(f"{where}: {hint}") from None
+        raise EqtError(f"{where}: xacro: {said[:300]}; correct the file") from None
+    root = parsed(text.encode(), path, lambda _: where)
+    for child in root.children:
+        of = child if child.attributes.get("name") else next(child.all("plugin"), child)
+        label = of.attributes.get("name") or child.attributes.get("reference", "")
+        for element in child.walk():
+            element.place = f"{where}: {of.tag} {label}"
+    return root
+
+
+@contextmanager
+def _without_ros(xacro: Any, substitution: Any, request: Request) -> Iterator[None]:
+    """Let xacro find packages in folders, evaluate guarded expressions, and stop."""
+    calls, evaluate, call, parse = 0, xacro.safe_eval, xacro.handle_macro_call, xacro.parse
+
+    def evaluated(expression: str, symbols: Any, *more: Any) -> Any:
+        tree = _Guard().visit(ast.parse(expression.strip(), mode="eval"))
+        return evaluate(ast.unparse(ast.fix_missing_locations(tree)), symbols, *more)
+
+    def counted(*arguments: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        if calls > MOST_CALLS:
+            raise EqtError(f"more than {MOST_CALLS} calls of macros")
+        return call(*arguments)
+
+    def parsed_file(text: Any, filename: Any = None) -> Any:
+        if filename is not None:
+            read(Path(filename))
+        return parse(text, filename)
+
+    def find(resolved: str, whole: str, arguments: list[str], _: Any) -> str:
+        return resolved.replace(f"$({whole})", str(package(arguments[0], request)))
+
+    def refuse(*_: Any) -> str:
+        raise EqtError("$(eval …) is not read; write ${…}")
+
+    replaced = {
+        (xacro, "safe_eval"): evaluated,
+        (xacro, "handle_macro_call"): counted,
+        (xacro, "parse"): parsed_file,
+        (xacro, "warning"): lambda *_, **__: "",
+        (xacro, "print_location"): lambda *_, **__: "",
+        (substitution, "_find"): find,
+        (substitution, "_eval"): refuse,
+    }
+    before = {(module, name): getattr(module, name) for module, name in replaced}
+    symbols = dict(xacro._global_symbols)
+    functions = xacro.NameSpace()
+    functions.update({k: f for k, f in symbols["python"].items() if k not in _TYPES})
+    functions["range"] = _range
+    xacro._global_symbols |= {"guarded": _guarded, "range": _range, "python": functions}
+    try:
+        for (module, name), function in replaced.items():
+            setattr(module, name, function)
+        yield
+    finally:
+        xacro._global_symbols.clear()
+        xacro._global_symbols.update(symbols)
+        for (module, name), function in before.items():
+            setattr(module, name, function)
+
+
+def package(name: str, request: Request) -> Path:
+    """Return the folder of a ROS package, which has its name or says it in package.xml.
+
+    Raises
+    ------
+    EqtError
+        If it is in no folder above the file, and in none of `--models`.
+    """
+    path = request.path.resolve()
+    above = path.parents
+    for folder in (*above, *(parent.parent for parent in above[:3]), *request.models):
+        for there in (folder, folder / name):
+            if there.is_dir() and (there.name == name or _is_package(there, name)):
+                return there.resolve()
+    raise EqtError(
+        f"$(find {name}): no folder of this package above the file; give --models DIR, the folder "
+        "that has it"
+    )
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    described = folder / "package.xml"
+    return described.is_file() and f"<name>{name}</name>".encode() in content(described)
