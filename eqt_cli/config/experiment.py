@@ -165,12 +165,6 @@ class Experiment:
                 "lacks the weight that model.forces has, so that laws hold the body against "
                 "nothing; repeat it here",
             )
-        if draws_nothing(self):
-            yield (
-                ("ensemble", "runs"),
-                f"all {self.config.ensemble.runs} runs of a law are equal, as nothing is drawn: "
-                "one run tells as much, and no interval follows from them",
-            )
         listed, loops = {each.name for each in self.metrics}, self.loops.values()
         plugin_metrics = metrics.defined_by(self.plugins.values())
         for name in plugin_metrics if self.document.data.get("metrics") is None else ():
@@ -756,17 +750,22 @@ def draws_nothing(experiment: Experiment) -> bool:
     return all(map(np.array_equal, one, two))
 
 
+def starts_on_reference(experiment: Experiment) -> bool:
+    """Whether run 0 starts on its reference."""
+    G, start = experiment.group, experiment.start
+    numbers, velocity = start.numbers(G, experiment.config.ensemble.seed, 0)
+    return bool(not velocity.any() and (start.poses.place(G, numbers[None]) == G.identity).all())
+
+
 def check_starts(experiment: Experiment, problems: Problems) -> None:
     """Note an experiment that repeats one run which starts on its reference."""
-    if not draws_nothing(experiment):
-        return
-    G, runs = experiment.group, experiment.config.ensemble.runs
-    numbers, velocity = experiment.start.numbers(G, experiment.config.ensemble.seed, 0)
-    if not velocity.any() and (experiment.start.poses.place(G, numbers[None]) == G.identity).all():
+    if draws_nothing(experiment) and starts_on_reference(experiment):
+        G = experiment.group
         turns = all(part.turns for part in G.parts) and G.dimension == 3
         pose = "haar" if turns else "{ kind: exp_normal, std: 0.5 }"
         problems.at("initial").add(
-            f"all {runs} runs start on the reference, and nothing is drawn, so they are one run; "
+            f"all {experiment.config.ensemble.runs} runs start on the reference, and nothing is "
+            "drawn, so they are one run; "
             f"add `initial: {{ pose: {pose}, velocity: {{ kind: normal, std: 1 }} }}`, or set "
             "ensemble.runs to 1"
         )

@@ -11,7 +11,8 @@
 
 `eqt_cli.runs.preflight` goes on with what depends on the runs of a study:
 
-5. `check_resources`: do its largest part and its files fit into the memory and on the disk?
+5. `check_resources`: do its runs differ? Do its largest part and its files fit into the memory and
+   on the disk?
 6. `rehearse`: would a run end, and are two runs of every law together, from their own starts, what
    each is alone?
 7. `estimate`: how long will it take?
@@ -48,7 +49,7 @@ from eqt_cli.components.references import Reference
 from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle_parts import VehiclePart
 from eqt_cli.config.document import Document, changed_at
-from eqt_cli.config.experiment import Experiment, LastPoint, assemble, check_starts, designed_laws
+from eqt_cli.config.experiment import Experiment, LastPoint, assemble, designed_laws
 from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of
@@ -83,7 +84,6 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
     problems.raise_if_any()
     try_laws(experiment, problems)
     problems.raise_if_any()
-    check_starts(experiment, problems)
     try_metrics(experiment, problems)
     problems.raise_if_any()
     if not experiment.solver.is_auto:

@@ -19,7 +19,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
-from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.experiment import Experiment, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -44,15 +44,23 @@ FUNCTION_WORDS = {*"all and any both default each no none not or some the with w
 """Labels that a reader takes for a word of a sentence, as in "none against gt: undecided"."""
 
 
-def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
-    """Return remarks on an experiment and its reference, to be shown before it is run."""
+def remarks(
+    experiment: Experiment, shown: Horizon | None = None, runs: bool = True
+) -> list[EqtWarning]:
+    """Return remarks on an experiment and its reference, and on its `runs` before they are run."""
+    equal = (
+        f"all {experiment.config.ensemble.runs} runs of a law are equal, as nothing is drawn: "
+        "one run tells as much, and no interval follows from them"
+    )
     unclear = (
         f"the label '{label}' reads as a word of a sentence; write one such as 'no rates'"
         for label in experiment.loops
         if label in FUNCTION_WORDS
     )
+    repeats = runs and draws_nothing(experiment) and not starts_on_reference(experiment)
     placed = [
         *((("controllers",), text) for text in unclear),
+        *([(("ensemble", "runs"), equal)] if repeats else []),
         *experiment.remarks(),
         *_component_remarks(experiment, shown),
         *_noise_remarks(experiment),
@@ -65,9 +73,9 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in placed]
 
 
-def remark_on(experiment: Experiment) -> None:
-    """Tell the reporter the remarks on an experiment of which runs or loops are computed."""
-    for remark in remarks(experiment):
+def remark_on(experiment: Experiment, runs: bool = True) -> None:
+    """Tell the reporter the remarks on an experiment of which loops, or also runs, are computed."""
+    for remark in remarks(experiment, runs=runs):
         reporter().remark(remark)
 
 

@@ -1,6 +1,7 @@
 """Pre-flight of a study, after that of its experiments (`eqt_cli.config.preflight`, 1 to 4).
 
-5. `check_resources`: its largest part must fit into the memory, and its files on the disk.
+5. `check_resources`: its runs must not all be one, its largest part must fit into the memory, and
+   its files on the disk.
 6. `rehearse`: begins the study as a run would, with two runs of every law. What does so for a run
    puts them together and, for `config check`, solves them; no result is stored.
 7. `estimate`: times the first part of some points, for `--dry-run`.
@@ -19,6 +20,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import ConfigError, InputError, Problems
+from eqt_cli.config.experiment import check_starts
 from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.remarks import check_steps
 from eqt_cli.config.study import Study
@@ -83,7 +85,8 @@ def rehearse(study: Study, *, solves: bool = False) -> list[str]:
                         f"{tried.name} gives no number at the start: the rate of "
                         f"{name.replace('_', ' ')} is {lost[0]:g}"
                     )
-            _require_alone(problem, rates, tried.name)
+            if not getattr(problem.loop.controller, "in_order", False):  # whose states count
+                _require_alone(problem, rates, tried.name)
             if solves:
                 first.engine.rehearse(problem)
         for label, _ in group:
@@ -255,7 +258,7 @@ def parts_size(study: Study) -> int:
 
 
 def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
-    """Check that the study fits into the memory and on the disk.
+    """Check that runs differ, and that the study fits into the memory and on the disk.
 
     Parameters
     ----------
@@ -269,6 +272,10 @@ def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
     ConfigError
         With the key to change, the required size and the available size.
     """
+    problems = Problems(study.base.document.place)
+    for piece in study.pieces:
+        check_starts(piece.base, problems)
+    problems.raise_if_any()
     check_memory(study)
     result, parts = result_size(study), parts_size(study) * missing
     needed, free = result + parts, _free_disk(folder)

@@ -510,7 +510,7 @@ def export(
     if real not in ARITHMETICS:
         raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
-    remark_on(experiment)
+    remark_on(experiment, runs=False)
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers

@@ -391,7 +391,7 @@ def margins(
     (True, 0.3043)
     """
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
-    remark_on(experiment)
+    remark_on(experiment, runs=False)
     return margins_of(experiment)
 
 

@@ -13,6 +13,7 @@ from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.extensions.firmware import guests
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
+from eqt_cli.runs.preflight import rehearse
 from eqt_cli.runs.run_study import Shard
 
 COUNTING = """
@@ -68,6 +69,12 @@ def test_a_state_that_is_not_named_is_told(law, told):
         "Counting().compute in law.py: it keeps something from call to call that `memory` does not "
         "name (difference 0.02); name it, or write `object: per run`"
     )
+
+
+def test_one_of_a_run_passes_the_check_of_a_study(law):
+    """Which asks for the rates of runs alone and together, from the start."""
+    experiment = law(COUNTING, function="Counting().compute", object="per run")
+    assert rehearse(eqt_cli.load_experiment(experiment), solves=True) == []
 
 
 @pytest.mark.ci("the search for what is not named is fast")

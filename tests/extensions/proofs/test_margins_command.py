@@ -153,6 +153,11 @@ def test_margins_where_a_force_pushes(eqt):
     )
 
 
+def test_runs_that_are_one_run_do_not_concern_margins(eqt):
+    done = eqt("margins", "c.yaml", *AT_REST, "--set", "initial={}", "--set", "ensemble.runs=3")
+    assert (done.code, done.err) == (0, "")
+
+
 def test_margins_as_json(eqt):
     found = json.loads(eqt("margins", "c.yaml", *AT_REST, "--json").out)
     [law] = found.pop("laws")
