@@ -8,7 +8,7 @@ directions.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,11 +131,13 @@ def members_of(experiment: Experiment) -> Iterator[Members]:
     G, loops, written = experiment.group, experiment.loops.values(), experiment.config.actuators
     directions = max((loop.controller.directions(G) for loop in loops), key=len)
     directions = directions if len(directions) else np.eye(G.dimension)  # a design asks in none
-    w, pushes = _held(experiment), isinstance(experiment.loop.controller.formula, OuterLoop)
+    pushes = isinstance(experiment.loop.controller.formula, OuterLoop)
     for index, part in enumerate(experiment.loop.vehicle.actuators):
         B = getattr(part, "matrix", None)
         if B is None or getattr(part, "low", getattr(part, "limit", None)) is None:
             continue
+        if not np.isfinite(w := _held(experiment)).all():
+            return
         spans = norm(directions @ B) > NOTHING * norm(B).max()
         held = directions @ w
         if pushes and G.translation is not None:  # the body turns until its push holds the force
@@ -149,8 +151,9 @@ def _held(experiment: Experiment) -> Array:
     """Return what holds a body at rest where the reference begins, ``(m,)``."""
     loop, pose = experiment.loop, experiment.desired.pose[None]
     still, w = np.zeros((1, loop.group.dimension)), np.zeros(loop.group.dimension)
-    for force in loop.vehicle.forces:
-        w = w - force.in_body(loop.group, 0.0, pose, still)[0]
+    with np.errstate(all="ignore"):  # of a plugin
+        for force in loop.vehicle.forces:
+            w = w - force.in_body(loop.group, 0.0, pose, still)[0]
     return w
 
 
@@ -202,12 +205,17 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
     """
     for each in members_of(experiment):
         key: KeyPath = (ACTUATORS, each.index)
-        if each.is_cut:
+        cut = [
+            experiment.titles[label]
+            for label, loop in experiment.loops.items()
+            if replace(each, part=loop.vehicle.actuators[each.index]).is_cut
+        ]
+        if cut:
             yield (
                 key,
-                f"at {each.state}, the thrusts for any torque are beyond their limits, because "
-                "nothing else needs thrusts, to which they could add. So every command is cut; "
-                "`allocation: bounded` finds thrusts that give the torque",
+                f"at {each.state}, the thrusts for any torque of {', '.join(cut)} are beyond their "
+                "limits, because nothing else needs thrusts, to which they could add. So every "
+                "command is cut; `allocation: bounded` finds thrusts that give the torque",
             )
             continue
         failing = each.fails is not None and each.fails.at <= experiment.config.time.duration
