@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Measure, Plain, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.search.candidates import Numbers
 
 # Ranks scored points: feasible points first, then by objectives -----------------------------------
 
@@ -172,7 +175,7 @@ class Constraint:
 
 
 def scores(
-    result: Result,
+    result: Result | Numbers,
     objectives: Sequence[str],
     constraints: Sequence[Constraint],
     allowed: float = 0.0,

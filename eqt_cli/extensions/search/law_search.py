@@ -232,7 +232,7 @@ def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
         Whether only a configuration with eqt's mark counts, because a user's file may match the
         name.
     """
-    generation = files.FolderPattern(r"\d{3,}(-case-\d+)?", RESULT_ENTRIES, MANIFEST)
+    generation = files.FilePattern(r"\d{3,}\.json")
     of_seeds = files.FolderPattern(_SEEDS.pattern, (generation,))
     winners = files.FolderPattern(slug, (*COPY_FOLDERS, files.FilePattern(_NUMBERED.name, marked)))
     run = files.FolderPattern(slug, RESULT_ENTRIES, MANIFEST)
@@ -241,8 +241,7 @@ def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     return {
         kind.record: files.FilePattern(re.escape(kind.record)),
         GENERATIONS: files.FolderPattern(
-            GENERATIONS,
-            (files.FolderPattern(slug, (of_seeds,)), files.FilePattern(r"\d{3,}\.json")),
+            GENERATIONS, (files.FolderPattern(slug, (of_seeds,)), generation)
         ),
         kind.configs: files.FolderPattern(kind.configs, entries),
     }
@@ -270,11 +269,10 @@ class SearchFolder:
                 groups.append(range(start, first := last + 1))
         return groups + ([range(first, seeds.stop)] if first < seeds.stop else [])
 
-    def generation(self, law: LawSearch, seeds: range, number: int, cases: int = 1) -> list[Path]:
-        """Return the folders of one generation, one for each case; each holds an ordinary sweep."""
+    def generation(self, law: LawSearch, seeds: range, number: int) -> Path:
+        """Return the file of one generation of a law."""
         of_search = self.path / GENERATIONS / law.slug / f"seeds-{seeds[0]}-{seeds[-1]}"
-        ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
-        return [of_search / f"{number:03d}{end}" for end in ends]
+        return of_search / f"{number:03d}.json"
 
     def batch(self, number: int) -> Path:
         """Return the file of a batch of points of all laws and samples."""

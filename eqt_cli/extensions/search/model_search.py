@@ -50,6 +50,10 @@ search. In a flat valley the objective does not say how much to spend."""
 EQUAL = 0.01
 """Relative difference within which what a law spends is equal to what it has to spend."""
 
+DIGITS, PLACES = 8, 6
+"""Decimals of the numbers that models learn from, and of the points that they find best: a law in C
+rounds its last digits otherwise than the same law in Python, and is to find the same points."""
+
 FLOOR = 1e-9
 """Share of a positive bound, or of the largest objective, below which numbers count as so large."""
 
@@ -356,8 +360,8 @@ def _levels(costs: Array) -> Array:
     """Return the logarithms of costs, or costs as shares of the largest where some are below 0."""
     largest = np.nanmax(np.abs(costs), initial=0.0) or 1.0
     if np.nanmin(costs, initial=np.inf) < 0:
-        return np.asarray(costs / largest)
-    return np.asarray(np.log(np.maximum(costs, FLOOR * largest)))
+        return np.asarray(np.round(costs / largest, DIGITS))
+    return np.asarray(np.round(np.log(np.maximum(costs, FLOOR * largest)), DIGITS))
 
 
 @dataclass(frozen=True)
@@ -379,7 +383,8 @@ class _Models:
         centred = tried.shares[known] - tried.shares[known].mean(axis=0) if known.any() else []
         if np.count_nonzero(known) < axes + 2 or np.linalg.matrix_rank(centred) < axes:
             return None
-        numbers = RBFInterpolator(tried.shares[known], columns[known], kernel="cubic")
+        columns = np.round(columns[known], DIGITS)
+        numbers = RBFInterpolator(tried.shares[known], columns, kernel="cubic")
         lost = None
         if (tried.lost > allowed).any():  # linear, which overshoots no step
             lost = RBFInterpolator(tried.shares, tried.lost, kernel="linear")
@@ -444,4 +449,5 @@ class _Models:
         off = np.maximum(over - aims, 0)
         off[:, met] = np.abs(over - aims)[:, met]
         good = off.max(axis=1, initial=0.0) <= 2e-4
-        return np.asarray(grid[np.lexsort((levels, np.where(good, 0.0, off.sum(axis=1))))[0]])
+        best = grid[np.lexsort((levels, np.where(good, 0.0, off.sum(axis=1))))[0]]
+        return np.asarray(np.clip(np.round(best, PLACES), low, high))

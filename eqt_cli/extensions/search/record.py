@@ -1,10 +1,12 @@
 """The record of a search beside the result that judges it, its keys, and the costs of runs."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError
 from eqt_cli.results.result import Result
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.search.candidates import Numbers
 
 # Keys that a search varies ------------------------------------------------------------------------
 
@@ -181,7 +186,7 @@ def agree(value: float, worst: float) -> bool:
     return value == worst or (np.isfinite(worst) and abs(worst - value) <= AGREEING * abs(worst))
 
 
-def costs_of_runs(result: Result, metric: str) -> Array:
+def costs_of_runs(result: Result | Numbers, metric: str) -> Array:
     """Return the cost of each run by a metric, in the shape of `Result.metric`.
 
     The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.

@@ -7,7 +7,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, reduce
 from hashlib import sha256
 from itertools import product
@@ -16,9 +16,9 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
+from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, Problems
-from eqt_cli.base.files import FILE_NAME
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Problems
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, count_of, reporter, step
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.document import Document, changed_at, expanded
@@ -28,10 +28,11 @@ from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search import fronts, law_search
+from eqt_cli.extensions.search.candidates import Numbers, computed
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
-from eqt_cli.extensions.search.record import Kind, coordinate_of
-from eqt_cli.results.result import Result, open_result
+from eqt_cli.extensions.search.record import Kind
+from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.folder import ResultFolder
 from eqt_cli.runs.lock import LOCK, locked
@@ -157,16 +158,18 @@ class Searches(ABC, Generic[S]):
         seeds = self.evolution[2]
         return np.concatenate([_tried(self, law, seed, 0, None) for seed in seeds])
 
+    @property
     @abstractmethod
-    def scores(self, result: Result) -> Scores:
+    def scored_metrics(self) -> list[str]:
+        """The metrics that `scores` reads."""
+
+    @abstractmethod
+    def scores(self, result: Result | Numbers) -> Scores:
         """Return the scores of all points of a sweep with one law."""
 
     @abstractmethod
     def so_far(self, law: LawSearch, population: Population) -> str:
         """Describe the best point of a law so far."""
-
-    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
-        """Write what the searches for a law, by seed, have found so far; here nothing."""
 
     @abstractmethod
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
@@ -274,48 +277,51 @@ def compute(document: Document, out: Path, executor: Executor) -> Execution:
     return done
 
 
-def _generation(
-    search: Searches[Any], law: LawSearch, out: Path, shares: Array, executor: Executor
-) -> Scores:
-    """Return the scores of the points of a generation, which a folder may already hold."""
-    at, held = columns(law, shares), False
-    if (out / FILE_NAME).exists():
-        with open_result(out) as result:
-            held = all(
-                np.array_equal(result.coordinate(coordinate_of(key)), values)
-                for key, values in at.items()
-            )
-    if not held:
-        compute(swept(law, at), out, executor)
-    with open_result(out) as result:
-        if held:
-            reporter().skip(len(shares) * result.runs)
-        return search.scores(result)
-
-
 def evolve(
     search: Searches[Any], law: LawSearch, folder: SearchFolder, executor: Executor
 ) -> dict[int, Population]:
     """Run all generations of all searches for one law; return the last population by seed."""
-    (generations, _, all_seeds), cases = search.evolution, search.in_cases(law).values()
+    generations, _, all_seeds = search.evolution
     searches: dict[int, Population] = {}
     for seeds, number in product(folder.groups(law, all_seeds), range(generations)):
         shares = [_tried(search, law, seed, number, searches.get(seed)) for seed in seeds]
-        outs = folder.generation(law, seeds, number, len(cases))
-        by_case = [
-            _generation(search, case, out, np.concatenate(shares), executor)
-            for case, out in zip(cases, outs, strict=True)
-        ]
-        scores = search.over_cases(by_case)
+        points, path = np.concatenate(shares), folder.generation(law, seeds, number)
+        scores = stored_scores(path, points)
+        if scores is None:
+            scores = _scored(search, law, points, executor, tried=number > 0)
+            arrays = {each.name: getattr(scores, each.name).tolist() for each in fields(scores)}
+            with files.refusals(folder.path, "used", OTHER_FOLDER):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                files.write_record(path, {"shares": points.tolist(), **arrays})
+        else:
+            reporter().skip(len(points) * search.runs_at_a_point)
         rows = np.arange(len(scores)).reshape(len(seeds), -1)
-        for seed, points, of_seed in zip(seeds, shares, rows, strict=True):
-            tried = Population(points, scores.at(of_seed))
+        for seed, of_seed, at in zip(seeds, shares, rows, strict=True):
+            tried = Population(of_seed, scores.at(at))
             searches[seed] = selected(searches[seed], tried) if number else tried
-        search.keep(law, searches, folder)
         done = f"{count_of(len(seeds), 'seed')}, generation {number + 1}/{generations}"
         so_far = search.so_far(law, reduce(selected, searches.values()))
         reporter().note(law.label, f"{done}, {so_far}")
     return searches
+
+
+def _scored(
+    search: Searches[Any], law: LawSearch, shares: Array, executor: Executor, *, tried: bool
+) -> Scores:
+    """Run the points of a generation in all cases, and return their scores."""
+    cases = search.in_cases(law).values()
+    studies = [study(swept(case, columns(case, shares))) for case in cases]
+    numbers = computed(studies, search.scored_metrics, executor, tried=tried)
+    return search.over_cases([search.scores(each) for each in numbers])
+
+
+def stored_scores(path: Path, shares: Array | None = None) -> Scores | None:
+    """Return the scores in the file of a generation; None if it holds none of these points."""
+    with files.refusals(path.parent, "used", OTHER_FOLDER):
+        record = files.read_record(path, "shares")
+    if record is None or (shares is not None and not np.array_equal(record["shares"], shares)):
+        return None
+    return Scores(*(np.array(record[each.name], dtype=float) for each in fields(Scores)))
 
 
 def _tried(

@@ -142,13 +142,13 @@ def _computed(
     search: Search, proposed: Mapping[Training, Array], executor: Executor, *, tried: bool
 ) -> dict[Training, Tried]:
     """Run all points of a batch in all cases, and return how good they are."""
-    names = [*search.objectives, *(bound.metric for bound in search.bounds)]
     runs = [
         (key, study(search.on_sample(swept(case, columns(case, points)), key.sample)))
         for key, points in proposed.items()
         for case in search.in_cases(key.law).values()
     ]
-    numbers = computed([points for _, points in runs], names, executor, tried=tried)
+    studies = [points for _, points in runs]
+    numbers = computed(studies, search.scored_metrics, executor, tried=tried)
     cases: dict[Training, list[Numbers]] = {key: [] for key in proposed}
     for (key, _), of_case in zip(runs, numbers, strict=True):
         cases[key].append(of_case)

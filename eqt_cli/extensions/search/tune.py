@@ -21,6 +21,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection, WorstRunSection, without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
+from eqt_cli.extensions.search.candidates import Numbers
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch
@@ -196,15 +197,12 @@ class Search(Searches[TuneSection]):
         front = f", {len(population.front)} on the front" if self.seeks_front else ""
         return f"best so far: {self.objectives[0]} {brief(cost)} at {values}{front}"
 
-    def scores(self, result: Result) -> Scores:
-        return scores(result, self.objectives, self.bounds, self.allowed)
+    @property
+    def scored_metrics(self) -> list[str]:
+        return [*self.objectives, *(bound.metric for bound in self.bounds)]
 
-    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
-        """Write the configurations of the winners so far."""
-        so_far = Tuned(law, searches, self.seeks_front)
-        values = map(so_far.values, so_far.winners.values())
-        studies = [study(law.at(of_winner)) for of_winner in values]
-        folder.write_configs(law, studies, self.seeks_front)
+    def scores(self, result: Result | Numbers) -> Scores:
+        return scores(result, self.objectives, self.bounds, self.allowed)
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
         """Search for the best gains of each law, and run the winners on held-out initial states."""
@@ -227,7 +225,7 @@ class Search(Searches[TuneSection]):
         if prover := prover_of(self.section):
             return [self._proved(prover, law, folder) for law in self.laws]
         if self.seeks_front:
-            return [Tuned(law, evolve(self, law, folder, executor), True) for law in self.laws]
+            return [self._front(law, folder, executor) for law in self.laws]
         best, sampled = trained(self, folder, executor), list[Tuned | Sampled]()
         for law in self.laws:
             of_law = {key.sample: one for key, one in best.items() if key.law is law}
@@ -236,6 +234,12 @@ class Search(Searches[TuneSection]):
                 values = one.confirmed[law.label]
                 folder.write_configs(law, [study(law.at(values))])
         return sampled
+
+    def _front(self, law: LawSearch, folder: SearchFolder, executor: Executor) -> Tuned:
+        tuned = Tuned(law, evolve(self, law, folder, executor), True)
+        studies = [study(law.at(tuned.values(point))) for point in tuned.winners.values()]
+        folder.write_configs(law, studies, numbered=True)
+        return tuned
 
     def _proved(self, prover: Any, law: LawSearch, folder: SearchFolder) -> Tuned:
         best = prover.gains(law, self.section, self.base)

@@ -19,9 +19,10 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection, without_search
 from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.extensions.search import law_search
+from eqt_cli.extensions.search.candidates import Numbers
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
 from eqt_cli.extensions.search.record import WORST, agree, costs_of_runs
-from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
+from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve, stored_scores
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
@@ -136,7 +137,11 @@ class WorstSearch(Searches[WorstSection]):
         cost = quantity_of(self.objective).cost(-population.scores.objectives[population.best, 0])
         return f"worst so far: {self.objective} {brief(cost)}"
 
-    def scores(self, result: Result) -> Scores:
+    @property
+    def scored_metrics(self) -> list[str]:
+        return [self.objective]
+
+    def scores(self, result: Result | Numbers) -> Scores:
         return badness(self.objective, result)
 
     def conclude(self, folder: law_search.SearchFolder, executor: Executor) -> Outcome:
@@ -230,7 +235,7 @@ class WorstSearch(Searches[WorstSection]):
                 )
 
 
-def badness(metric: str, result: Result) -> Scores:
+def badness(metric: str, result: Result | Numbers) -> Scores:
     """Score the points of a sweep with one law: a point is better if its worst run is worse."""
     worst = costs_of_runs(result, metric)[:, 0].max(axis=-1)
     good = result.good[:, 0]
@@ -271,8 +276,8 @@ def _search_record(
     axes, points, unsettled = dict(zip(law.written, law.axes.values(), strict=True)), 0, 0
     for seeds in folder.groups(law, search.evolution[2]):
         # Of the first generations, which are spread over the ranges
-        with open_result(folder.generation(law, seeds, 0)[0]) as result:
-            scored = search.scores(result)
+        scored = stored_scores(folder.generation(law, seeds, 0))
+        assert scored is not None  # the search has just written it
         points += len(scored)
         unsettled += int((scored.failed + scored.unsettled).sum())
     return {
