@@ -157,7 +157,7 @@ class Finding:
         worsening = -self.change.value if self.is_gain else self.change.value
         if self.to_show and self.outcome is Outcome.NOT_SHOWN and worsening <= self.rule.margin:
             text += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
-        return f"{self.outcome}: {self.number}{':' * bool(self.why)} {text}"
+        return f"{self.outcome}: {self.number}{':' if self.why else ''} {text}"
 
     def _written(self, value: float) -> str:
         """Return a number to a tenth of the first digit of the margin, and more beside it."""
@@ -185,5 +185,5 @@ def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
     counts = Counter(finding.outcome for finding in ranked)
     word = "passes" if passes(findings, undecided=undecided) else "fails"
     though = " although not shown" if word == "passes" and counts[Outcome.NOT_SHOWN] else ""
-    parts = [f"{n} {outcome.removesuffix('s' * (n > 1))}" for outcome, n in counts.items() if n]
+    parts = [f"{n} {'hold' if n > 1 and o == 'holds' else o}" for o, n in counts.items() if n]
     return [f"gate {word}{though}: {', '.join(parts) or 'nothing failed'}", *map(str, ranked)]

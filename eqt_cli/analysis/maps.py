@@ -570,7 +570,7 @@ def _won(wins: Map) -> str:
     counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
     counts |= wins.without_winners()
     points = ", ".join(f"{name} {count}" for name, count in counts.items())
-    few = f" (ensemble.runs: {wins.fewest} or more)" * wins.has_too_few_runs
+    few = f" (ensemble.runs: {wins.fewest} or more)" if wins.has_too_few_runs else ""
     won = f"Points won by {Plain().name(wins.quantity)}: {points}{few}"
     return ". ".join([won, *_unranked(wins), ""]).rstrip()
 

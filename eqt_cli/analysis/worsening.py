@@ -84,7 +84,7 @@ def findings(
         good = baseline.good[base_row]
         failed = [k for k in np.flatnonzero(~candidate.good[row]) if good[k : k + 1].all()]
         if failed:
-            runs = ", ".join([*map(str, failed[:5]), *["…"] * (len(failed) > 5)])
+            runs = ", ".join([*map(str, failed[:5]), *(["…"] if len(failed) > 5 else [])])
             why = f"{count_of(len(failed), 'run')} failed that did not before: {runs}"
             yield Finding(Rule("failed"), candidate.title_of[law], why=why)
         names = {*baseline.metrics} & {*candidate.metrics}

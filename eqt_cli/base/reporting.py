@@ -330,7 +330,7 @@ class InNotebook(ABC):
 
     def __repr__(self) -> str:
         lines = self.answer()
-        more = [f"… {len(lines) - MOST_LINES + 1} more lines"] * (len(lines) > MOST_LINES)
+        more = [f"… {len(lines) - MOST_LINES + 1} more lines"] if len(lines) > MOST_LINES else []
         return "\n".join([*lines[: MOST_LINES - len(more)], *more])
 
     def _repr_html_(self) -> str:
@@ -342,9 +342,9 @@ class InNotebook(ABC):
             cells = [brief(value) if isinstance(value, float) else str(value) for value in values]
             lines.append("".join(f"<td>{escape(cell)}</td>" for cell in cells))
         table = "".join(f"<tr>{line}</tr>" for line in lines)
-        more = f"<p>… {len(rows) - MOST_LINES} more rows</p>" * (len(rows) > MOST_LINES)
+        more = f"<p>… {len(rows) - MOST_LINES} more rows</p>" if len(rows) > MOST_LINES else ""
         nested = any(isinstance(value, list | dict) for row in rows for value in row.values())
-        is_short = " open" * (len(rows) <= SHOWN_AT_ONCE and not nested)
+        is_short = " open" if len(rows) <= SHOWN_AT_ONCE and not nested else ""
         head = f"<details{is_short}><summary>{count_of(len(rows), 'row')}</summary>"
         return f"<pre>{escape(repr(self))}</pre>{head}<table>{table}</table>{more}</details>"
 

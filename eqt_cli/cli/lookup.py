@@ -92,7 +92,7 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
     for kind, component in components.items():
         keys = [asdict(each) for each in keys_of_component(component)]
         records.append({"kind": kind, "name": name, "summary": summary(component), "options": keys})
-        texts += [*([""] * bool(texts)), f"{name}, of {kind}: {summary(component)}"]
+        texts += [*([""] if texts else []), f"{name}, of {kind}: {summary(component)}"]
         if keys:
             rows = [[text.replace("`", "") for text in each.values()] for each in keys]
             texts += ["", output.table(["option", "value", "default", "meaning"], rows)]
@@ -322,7 +322,11 @@ def check(
         output.print_source(checked.resolved, dump(checked.resolved), json=json)
         return
     experiment = checked.base
-    few = f"; {MOST_CHECKED} of {len(checked)} points were checked" * (len(checked) > MOST_CHECKED)
+    few = (
+        f"; {MOST_CHECKED} of {len(checked)} points were checked"
+        if len(checked) > MOST_CHECKED
+        else ""
+    )
     text = (
         f"✓ {config}: valid{few}\n{experiment.name}: {experiment.group.name}, "
         + (f"{len(checked)} points × " if checked.sweep else "")
@@ -333,7 +337,8 @@ def check(
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
     exact = exactly_measured(experiment.group, experiment.loop.vehicle)
-    needed += [f"measured without errors: {exact}"] * bool(exact)
+    if exact:
+        needed += [f"measured without errors: {exact}"]
     said = [*_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
     # What the numbers of an experiment mean: each function yields tables and lines.

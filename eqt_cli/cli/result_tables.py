@@ -63,7 +63,8 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     else:
         lines += [_headline(result), "", *_shares(result), *timing_lines(result)]
     checked = ", ".join(_accuracy(result))
-    lines += [f"checked  {checked}"] * bool(checked)
+    if checked:
+        lines += [f"checked  {checked}"]
     if result.described.exact:
         lines.append(f"exact    {result.described.exact}: no sensor measures it with errors")
     remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
@@ -105,7 +106,7 @@ def _headline(result: Result) -> Text:
         columns.append([significant(x) + mark for x, mark in zip(means, marks, strict=True)])
     settled = "settled" if all("settled" in row for row in result.headline) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
-    notes = [f"{BEST} the best mean"] * (len(titles) > 1)
+    notes = [f"{BEST} the best mean"] if len(titles) > 1 else []
     spare = tuple(head for head in reversed(header) if head.startswith("final"))
     rows = [list(row) for row in zip(*columns, strict=True)]
     return output.laid_out(TextTable("headline", "", header, [Block("", rows)], notes, spare))
@@ -206,7 +207,7 @@ def _accuracy(result: Result) -> Iterator[str]:
         yield check.described
     elif check:
         method, _, beginning = check.method.partition(" over the ")
-        yield f"{method} to {check.difference:.0e}" + f" ({beginning})" * bool(beginning)
+        yield f"{method} to {check.difference:.0e}" + (f" ({beginning})" if beginning else "")
 
 
 def _doubts(result: Result) -> Iterator[str]:

@@ -216,7 +216,8 @@ def results(
     rows = [[str(cell) for cell in each.values()] for each in records]
     header = ["result", "begun, UTC", "laws", "runs", "headline"]
     text = output.laid_out(TextTable("results", "", header, [Block("", rows)], [], (header[1],)))
-    output.print_findings(records, *[text] * bool(rows), json=json, nothing=f"{folder}: no results")
+    pieces = [text] if rows else []
+    output.print_findings(records, *pieces, json=json, nothing=f"{folder}: no results")
 
 
 def _listed(path: Path) -> dict[str, Any]:

@@ -221,7 +221,8 @@ def table_text(table: TextTable, room: int | None) -> Text:
     if grids is None:
         lines += _body(table.blocks, room or 0, partial(_record, columns, room or 0))
     for number, grid in enumerate(grids or ()):
-        lines += [Text()] * (number > 0)
+        if number > 0:
+            lines += [Text()]
         lines += [Text(indent) + line for line in grid.head()]
         lines += _body(table.blocks, room, grid.row, indent)
     if notes:

@@ -482,8 +482,9 @@ class Cascade(OuterLoop, ReadsLimits):
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of the integral, of the filter, and of the attitude law's memory."""
         inner, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
-        names = ["integral"] * (self.position.ki is not None)
-        names += [FILTERED, FILTERED_RATE] * (self.rates == "filter")
+        names = ["integral"] if self.position.ki is not None else []
+        if self.rates == "filter":
+            names += [FILTERED, FILTERED_RATE]
         clock = {} if self.position.period is None else {HELD: n * (1 + self._order), LEFT: 1}
         return dict.fromkeys(names, n) | clock | {ATTITUDE + name: length for name, length in inner}
 

@@ -381,7 +381,7 @@ def group_named(name: str) -> MatrixLieGroup:
     known = [example for kind in groups.all() for example in kind.examples()]
     simple = [example for example in known if "*" not in example]
     products = [example for example in known if example not in simple]
-    listed = ", ".join(simple) + f" and products such as {products[0]}" * bool(products)
+    listed = ", ".join(simple) + (f" and products such as {products[0]}" if products else "")
     hint = suggestion(bare(name), known) or f"; known: {listed}"
     raise ComponentError(f"unknown group '{name}'{hint}")
 

@@ -146,7 +146,7 @@ class Gyros(Actuator):
         return self._joined(start + 0.0 * along, self.inertia * along)
 
     def _joined(self, of_angles: Array, of_momenta: Array) -> Array:
-        return np.concatenate([of_angles] * (not self.fixed) + [of_momenta], axis=-1)
+        return np.concatenate(([of_angles] if not self.fixed else []) + [of_momenta], axis=-1)
 
     def _turned(self, x: Array) -> tuple[Array, Array, Array]:
         """Return g, s(δ) and A, ``(..., 3, n)``."""

@@ -239,7 +239,9 @@ def check_turn(first: Any, second: Any, G: MatrixLieGroup, problems: Problems) -
     largest = np.degrees(max(np.linalg.norm(start), np.linalg.norm(end)))
     turn = float(np.degrees(np.linalg.norm(end - start)))
     if min(largest, turn) > HALF_TURN:
-        degrees = f"; write '{np.radians(turn):.6g} deg' if degrees were meant" * (turn > 360)
+        degrees = (
+            f"; write '{np.radians(turn):.6g} deg' if degrees were meant" if turn > 360 else ""
+        )
         problems.add(
             f"turns by {turn:.6g} deg as written, but poses do not count turns, so that the motion "
             f"would take the shorter way; go by waypoints at most 180 deg from each other{degrees}"

@@ -173,7 +173,7 @@ class Task:
         """Return what it leaves free, in words; "" if nothing."""
         spin = " and the spin" * (len(self.free(gains)) - 1)
         axis = ", ".join(f"{x:.4g}" for x in self.axis)
-        return f"the turn{spin} about the axis ({axis})" * (not self.is_whole)
+        return f"the turn{spin} about the axis ({axis})" if not self.is_whole else ""
 
     def barrier(self, law: Controller, gains: Gains, reference: Any) -> float:
         """Return 2k of K = k c cᵀ, the least L with the axis opposite.

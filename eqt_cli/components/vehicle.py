@@ -461,5 +461,6 @@ def exactly_measured(G: MatrixLieGroup, vehicle: Vehicle) -> str:
     for signal in ("velocity",) if vehicle.estimator else ("pose", "velocity"):
         parts = [part.name for part in G.parts if (signal, part.name) not in known]
         of = f" ({', '.join(parts)})" if len(parts) < len(G.parts) else ""
-        words += [f"{signal}{of}"] * bool(known and parts)
+        if known and parts:
+            words += [f"{signal}{of}"]
     return ", ".join(words)

@@ -229,7 +229,8 @@ class Wheels(Actuator):
     @property
     def shows(self) -> tuple[Signal, ...]:
         """Their momenta, and with their inertia their speeds; and ‖A h‖."""
-        return (MOMENTUM, *[SPEED] * (self.inertia is not None), SIGNALS["stored_momentum"])
+        of_wheels = (MOMENTUM,) if self.inertia is None else (MOMENTUM, SPEED)
+        return (*of_wheels, SIGNALS["stored_momentum"])
 
     @property
     def ranges(self) -> Mapping[str, tuple[Any, Any]]:

@@ -341,7 +341,7 @@ def load_plugins(document: Document, problems: Problems) -> dict[str, str]:
             sources[path] = text
             for component in added:
                 if same := alike(component, owners):
-                    but = f", and {component} differs in capitals only" * (same != component)
+                    but = f", and {component} differs in capitals only" if same != component else ""
                     message = f"{owners[same]} already defines {same}{but}; rename one of them"
                     problems.at("plugins", index).add(message)
                 owners[component] = path

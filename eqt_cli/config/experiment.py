@@ -534,7 +534,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
         elif not isinstance(label, str) or not label.strip() or not label.isprintable():
             here.at("label").add(f"expected text on one line, got {shown(label)}")
         elif same := alike(label, laws):
-            also = f" than '{label}': capitals do not count" * (same != label)
+            also = f" than '{label}': capitals do not count" if same != label else ""
             held = f"an earlier controller has the label '{same}'"
             here.add(f"{held}; give this one another `label`{also}")
         else:

@@ -682,7 +682,9 @@ def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
     flags.append("-fno-verbose-asm")  # comments of clang, such as "# kill: def $eax", say nothing
     if "c++" not in language:  # eqt says it with its remedy; gcc 14 and clang 16 end with an error
         flags.append("-Wno-incompatible-pointer-types")
-    linked = [*MATHEMATICS, *["-lstdc++"] * ("c++" in language)] if kind == "-shared" else []
+    linked = (
+        [*MATHEMATICS, *(["-lstdc++"] if "c++" in language else [])] if kind == "-shared" else []
+    )
     form = ("-x", "assembler") if written else language
     with temporary_folder() as folder:
         made = folder / f"law{ENDING}"

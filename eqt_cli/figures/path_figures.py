@@ -169,7 +169,11 @@ class PathFigure(OverTime):
         handles |= {name: Line2D([], [], **dot) for name, dot in _ends(ink(0.7))}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
-        what = f": the body axis {self._axis(runs)[0]} {turned}, pale behind" * (view == "sphere")
+        what = (
+            f": the body axis {self._axis(runs)[0]} {turned}, pale behind"
+            if view == "sphere"
+            else ""
+        )
         what = "; on the ground, the shadow of the reference" if view == "space" else what
         first = {int(law.results.stored_runs[law.good][0]) for law in runs.shown}
         which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
@@ -354,7 +358,9 @@ def _sheet(
             axes.tick_params(labelbottom=lower[0] != view[0], labelleft=first)
             axes.set_xlabel(quantity(view[0], unit) if lower[0] != view[0] else "")
             down = bool(view[1] == "z" and signs[2] < 0)
-            layout.name_scale(axes, quantity(view[1], unit) + ", down" * down if first else "")
+            layout.name_scale(
+                axes, quantity(view[1], unit) + (", down" if down else "") if first else ""
+            )
             if down:
                 axes.invert_yaxis()
             open_frame(axes)
@@ -508,7 +514,8 @@ class PoseFigure(OverTime):
         handles = _laws(runs) | {"reference": Line2D([], [], **_reference())}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         why = f"as a pitch comes within {90 - _STEEP:g} deg of ±90 deg"
-        runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."] * bool(steep)
+        if steep:
+            runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 

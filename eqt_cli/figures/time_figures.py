@@ -108,10 +108,16 @@ class Summary(Panelled, OverTime):
         drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         middle = "mean" if self.printed else "median"
-        of = f" of {' and '.join(e.title for e in runs.shown[:BANDS])}" * (len(runs.shown) > BANDS)
+        of = (
+            f" of {' and '.join(e.title for e in runs.shown[:BANDS])}"
+            if len(runs.shown) > BANDS
+            else ""
+        )
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
-        runs.remarks.append(f"Curves: {f'{middle} over ' * several}{runs.count()}{bands}.")
-        counted = f"{middle}{f', quartiles{of}' * bool(bands)}, {runs.count()}" if several else ""
+        runs.remarks.append(f"Curves: {f'{middle} over ' if several else ''}{runs.count()}{bands}.")
+        counted = (
+            f"{middle}{f', quartiles{of}' if bands else ''}, {runs.count()}" if several else ""
+        )
         runs.note = ", ".join(filter(None, [counted, runs.note]))
         return drawing
 
@@ -392,7 +398,7 @@ class Commands(Panelled, OverTime):
     def _signal(self) -> str:
         """The signal whose rows are shown."""
         chosen = {"thrust": self.thrusters, "wheel_momentum": self.wheels}
-        chosen |= {LAW_OUTPUT: self.law_outputs}
+        chosen[LAW_OUTPUT] = self.law_outputs
         wanted = (signal for signal, is_wanted in chosen.items() if is_wanted)
         return next(wanted, self.signal or "torque")
 

@@ -184,7 +184,10 @@ def law_program(
         return {OUTPUT + each.name: np.ravel(values[each.source]) for each in outputs}
 
     programs = [traced(step, groups, expressed)]
-    programs += [traced(start, groups)] * bool(memory) + [traced(output, groups)] * bool(outputs)
+    if memory:
+        programs.append(traced(start, groups))
+    if outputs:
+        programs.append(traced(output, groups))
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
     spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}

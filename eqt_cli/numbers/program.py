@@ -226,7 +226,7 @@ class _Trace(dict[Any, Symbol]):
         return value if isinstance(value, Symbol) else self.constant(float(value))
 
     def operation(self, name: str, *operands: Symbol, of: Any = None) -> Symbol:
-        key = name, *[operand.index for operand in operands], *[of] * (of is not None)
+        key = name, *[operand.index for operand in operands], *([of] if of is not None else [])
         symbol = self.get(key)
         if symbol is None:
             self[key] = symbol = Symbol(self, name, operands, of=of)
@@ -1025,4 +1025,4 @@ def _literal(number: float) -> str:
     """Return a number in C: its shortest digits, which compilers read as the same double."""
     if math.isfinite(number):
         return repr(number)
-    return "EQT_NAN" if math.isnan(number) else f"{'-' * (number < 0)}EQT_INFINITY"
+    return "EQT_NAN" if math.isnan(number) else f"{'-' if number < 0 else ''}EQT_INFINITY"

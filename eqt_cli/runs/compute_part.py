@@ -538,7 +538,7 @@ class Numbers:
         count, m = velocities.shape[-1], self.group.dimension
         parts = [range(m)[part.axes] for part in self.group.parts]
         changes = []
-        for axes in parts + [range(m, count)] * (count > m):
+        for axes in parts + ([range(m, count)] if count > m else []):
             columns = (velocities[..., k] for k in axes)
             squares = sum((x - over.initial(x)) ** 2 for x in columns)
             changes.append(over.largest(where(less(self.first, over.time), 0.0, squares)))

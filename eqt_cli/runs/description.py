@@ -122,7 +122,11 @@ def _measured(entries: Any) -> str:
 
 def _late(delay: int | str) -> str:
     """Describe a delay of whole periods, or of a time."""
-    return f"{delay} late" if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)} late"
+    return (
+        f"{delay} late"
+        if isinstance(delay, str)
+        else f"{delay} period{'s' if delay > 1 else ''} late"
+    )
 
 
 def _kinds(entries: Any) -> list[str]:

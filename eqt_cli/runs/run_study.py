@@ -226,7 +226,7 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
         return None
     if folder.parts.listed() or kind_of(folder.path / LOCK) or "finished" not in manifest:
         with open_results(folder.results) as results:
-            manifest |= {"failed": int(np.count_nonzero(results["status"]))}
+            manifest["failed"] = int(np.count_nonzero(results["status"]))
         with suppress(EqtError), locked(folder.path):
             folder.tidy()
             folder.finish({"finished": now(), **manifest})

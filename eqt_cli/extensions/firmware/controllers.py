@@ -602,7 +602,7 @@ class Code(_Numbers, RunsCode, Previews):
         if self.preview_:
             check_foreseen(plant, problems.at("preview"))
         for key in ("object", "on_failure") if plant.period is None else ():
-            if getattr(self, key + "_" * (key == "object")):
+            if getattr(self, key + ("_" if key == "object" else "")):
                 problems.at(key).add("applies at control instants; set control.period")
         can_fail = self.called.code.fails
         if self.on_failure and not can_fail:

@@ -634,7 +634,7 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
 def _program(experiment: Experiment, label: str) -> LawProgram:
     loop = experiment.loops[label]
     if isinstance(law := loop.controller, RunsCode):
-        claimed = ", or export the law that it claims to be" * bool(law.formula)
+        claimed = ", or export the law that it claims to be" if law.formula else ""
         raise EqtError(
             f"{label}: the law is code in {law.code.file}, not a formula",
             Remedy(f"leave it out{claimed}"),

@@ -383,7 +383,7 @@ class Plant:
         inputs = self.model.drawn_inputs(self.limits, 1, np.random.default_rng(0))
         single = States(G.exp(np.ones((1, G.dimension))), np.ones((1, G.dimension)), inputs)
         arguments = self._arguments(single, STEP)
-        step, state = f", {self.adapter.step}" * bool(self.adapter.step), ", ".join(names)
+        step, state = (f", {self.adapter.step}" if self.adapter.step else ""), ", ".join(names)
         call = self.adapter.call or f"function({state}, u{step})"
         if entry.as_ not in (*FILLED, "wrench"):
             call = f"(lambda u: {call})({entry.as_})"

@@ -89,7 +89,7 @@ class Scene:
         plain = {names[k]: self.wrench[:, k] for k in live}
         turned = dict[str, Array]()
         for k in forces:
-            name = "R{}{}" + f" {names[k]}" * (len(forces) > 1)
+            name = "R{}{}" + (f" {names[k]}" if len(forces) > 1 else "")
             turned |= _entries(self.R * self.wrench[:, k, None, None], name)
         return plain | turned if next(iter(self.v)) == "body" else turned | plain
 
@@ -139,7 +139,9 @@ class Scene:
             rates = {**_named("v{}", v), **_named("|v{0}|v{0}", np.abs(v) * v)}
             if frame == "body":
                 rates |= _products("v", v, "v", v) | _products("ω", w, "v", v)
-            terms |= {f"{name}{' in space' * (frame == 'space')}": x for name, x in rates.items()}
+            terms |= {
+                f"{name}{' in space' if frame == 'space' else ''}": x for name, x in rates.items()
+            }
         in_space = apply_matrix(R, w)
         terms |= _named("ω{}", w) | _named("|ω{0}|ω{0}", np.abs(w) * w)
         terms |= _named("ω{} in space", in_space)
@@ -573,7 +575,7 @@ class Judge:
         m, dry = I.matrix[k, k], I.matrix[k, k] - (0.0 if I.added is None else I.added[k, k])
         if near(ratio, m) or near(ratio, 1 / m):
             return "not divided by the mass" if near(ratio, m) else "divided by the mass twice"
-        without = ", that without the added mass" * (bool(near(m / ratio, dry) and dry < m))
+        without = ", that without the added mass" if near(m / ratio, dry) and dry < m else ""
         return f"mass {number(m / ratio)} of {number(m)}{without}" if ratio > 0 else ""
 
     def _torque(self) -> None:

@@ -64,7 +64,7 @@ def judged(
         words = []
         for kind, error in errors.items():
             order = math.log2(error / half[kind]) - 1 if error and half[kind] else math.nan
-            said = f", order {order:.1f}" * (finding == "is" and math.isfinite(order))
+            said = f", order {order:.1f}" if finding == "is" and math.isfinite(order) else ""
             words.append(f"{kind} {number(error)} {UNITS[kind]}{said}")
         notes.insert(0, f"largest error over a period of {loop.period:g} s: {'; '.join(words)}")
     blocks = [Block("", [[*row] for row in judge.rows])]

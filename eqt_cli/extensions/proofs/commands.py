@@ -279,7 +279,7 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
         yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."
     if laws:
-        yield from [""] * bool(varying or starting)
+        yield from ([""] if varying or starting else [])
         yield laid_out(_margins_table(result, laws))
     if left := authority_table(result.experiment):
         yield from ("", left)
@@ -306,7 +306,9 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
     notes = list(_notes(result, laws))
     table = TextTable("margins", "", header, [Block("", rows)], notes, spare=("of both",))
     changing = [size] * all(law.changes for law in laws)
-    return table.without([*changing, *[LAGGING] * (not any(law.lag_delays for law in laws))])
+    return table.without(
+        [*changing, *([LAGGING] if not any(law.lag_delays for law in laws) else [])]
+    )
 
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
@@ -315,8 +317,8 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
 
     titles, shown = result.experiment.titles, _gains(result)
     yield "delay margin: further delay of the command with which the loop is still stable"
-    rejects = ", of the torque for each command (effectiveness)" * ("effectiveness" in shown)
-    rejects += ", of the lag that the law believes in" * ("lag" in shown)
+    rejects = ", of the torque for each command (effectiveness)" if "effectiveness" in shown else ""
+    rejects += ", of the lag that the law believes in" if "lag" in shown else ""
     yield (
         f"multiples: the loop is stable for these multiples of kp, kd, or both{rejects}; "
         f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"

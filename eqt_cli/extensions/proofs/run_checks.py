@@ -102,7 +102,7 @@ def _definite(matrix: Array, loop: ClosedLoop, free: int) -> tuple[Verdict, floa
     left = len(loop.task.free(loop.gains)) >= free  # the axis that `task: point` leaves free
     smallest = float(np.linalg.eigvalsh(matrix)[int(left)])
     verdict = Verdict.HOLDS if smallest > 0 else Verdict.VIOLATED
-    return verdict, smallest, 0.0, "smallest eigenvalue" + " across the axis" * left
+    return verdict, smallest, 0.0, "smallest eigenvalue" + (" across the axis" if left else "")
 
 
 class InertiaBounds(Hypothesis):

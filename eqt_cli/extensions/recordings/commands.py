@@ -249,7 +249,7 @@ def log_errors(
     errors = api.log_errors(file, second, mapping, format=format_, **vars(how) | span)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
-    document |= {"notes": errors.notes}
+    document["notes"] = errors.notes
     print_findings(document, laid_out(error_table(errors)), json=json)
     if how.out is not None:
         say(f"figure and CSV in {how.out}")
@@ -354,7 +354,7 @@ def compare_flights(
         elif format_ is Form.CSV:
             output.print_verbatim(as_csv([flight.record for flight in both.flights]))
         else:
-            blank = [""] * bool(both.premises)
+            blank = [""] if both.premises else []
             ratios, flights = map(laid_out, both.tables())
             output.print_text(*lines, *both.premises, *blank, ratios, "", flights)
     if not passes:
@@ -368,7 +368,12 @@ def _print_log(checked: LogCheck) -> None:
         topics = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
         output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], topics), "")
     rows = [
-        [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
+        [
+            one.heading,
+            one.name or "-",
+            one.use,
+            f"{one.unit}{' (assumed)' if one.assumed else ''}" or "-",
+        ]
         for one in checked.columns
     ]
     output.print_text(output.table(["column", "name", "use", "unit"], rows), "")

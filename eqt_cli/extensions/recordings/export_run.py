@@ -52,7 +52,7 @@ def flight(result: Result, law: str, run: int) -> Flight:
     """Read a run of a law, or the reference of that run."""
     result = result.single("a file holds a run of one experiment")
     reference = law == REFERENCE and law not in result.labels
-    G, prefix = known_group(result.group_name), "desired_" * reference
+    G, prefix = known_group(result.group_name), ("desired_" if reference else "")
     if G is None:
         raise result.error(f"is on group '{result.group_name}' of a plugin, which is not known")
     rows = max(len(range(G.size)[part.entries[0]]) for part in G.parts)

@@ -327,13 +327,17 @@ def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, 
         if len(a | b) > 1:
             differing.append({"name": name, "A": a, "B": b})
             mixed = [side for side, count in (("A", a), ("B", b)) if len(count) > 1]
-            where = f"the flights of {' and '.join(mixed)} do not have one setting: " * bool(mixed)
-            in_all = " in all" * (not mixed)
+            where = (
+                f"the flights of {' and '.join(mixed)} do not have one setting: " if mixed else ""
+            )
+            in_all = " in all" if not mixed else ""
             lines.append(f"{where}{name} {_counted(b)} → {_counted(a)}{in_all}")
     more, alone = len(lines) - MOST_SHOWN, len(names) - len(shared)
-    lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] * (more > 0)
-    lines += [f"{alone} settings are not in all files"] * (alone > 0)
-    lines += ["all flights have the same settings"] * (bool(shared) and not lines)
+    lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] if more > 0 else []
+    if alone > 0:
+        lines += [f"{alone} settings are not in all files"]
+    if shared and not lines:
+        lines += ["all flights have the same settings"]
     for name, words in ("seconds", "as long"), ("speed", "as fast"), ("wind", "as windy"):
         x, y = (float(np.mean([getattr(x, name) for x in side])) for side in sides)
         if y > 0 and (x / y < ALIKE[0] or x / y > ALIKE[1]):
@@ -347,8 +351,8 @@ def remarks(n: int, m: int, paired: bool, tests: int) -> Iterator[str]:
     if n == m == 1:
         yield "this compares two flights, not two settings"
     elif paired and n < least:
-        fewer = ", or fewer quantities (--metric)" * (tests > 1)
-        none = "no interval below 5; " * (n < FEWEST)
+        fewer = ", or fewer quantities (--metric)" if tests > 1 else ""
+        none = "no interval below 5; " if n < FEWEST else ""
         yield f"{n} pairs: {none}{least} are the least for better or worse{fewer}"
     elif min(n, m) < FEWEST:
         advice = "pairs flown in the same hour need far fewer"
@@ -390,7 +394,7 @@ class FlightComparison(NamedTuple):
     def document(self) -> dict[str, Any]:
         """The numbers, for programs."""
         rows = {"flights": [x.record for x in self.flights]}
-        rows |= {"pairs": [x._asdict() for x in self.pairs]}
+        rows["pairs"] = [x._asdict() for x in self.pairs]
         return {name: x for name, x in self._asdict().items() if name != "findings"} | rows
 
     def tables(self) -> Iterator[TextTable]:

@@ -154,7 +154,7 @@ class LogTable(pose_tables.Table):
         """
         table = self.free_of(drop)
         if not len(table):
-            but = " but those that `drop` leaves out" * bool(len(self))
+            but = " but those that `drop` leaves out" if len(self) else ""
             raise InputError(f"{self.name}: holds no rows of numbers{but}")
         sound = table.free_of(get_args(pose_tables.Dropped))
         if len(table) - len(sound) <= most * len(table):
@@ -249,7 +249,7 @@ class Sheet:
             named = ", ".join(unused[:MAX_NAMED])
             more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
             verb = "is" if len(unused) == 1 else "are"
-            yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
+            yield f"column{'s' if len(unused) > 1 else ''} {named}{more} {verb} not used"
 
     def table(self, wanted: Collection[str]) -> LogTable:
         """Return the numbers of some of the columns.

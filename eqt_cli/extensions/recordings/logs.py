@@ -173,7 +173,7 @@ class Flight(NamedTuple):
         for source in sources_of(self.format):
             for topic in (each for each in bodies or self.topics if each.kind == source.kind):
                 named = self.by_names and "/" in topic.kind and _SETPOINTS.search(topic.name)
-                fits = quantity == source.quantity + " setpoint" * bool(named)
+                fits = quantity == source.quantity + (" setpoint" if named else "")
                 if fits and {*source.fields.split()} <= {*topic.fields}:
                     series = self._of(source, topic, whole)
                     if series is not None and source.valid == "unsure" and not named:
@@ -609,7 +609,7 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue
         kinds = [recorded.kind for recorded in log.recorded if name in recorded.names]
-        kinds += ["time"] * (name == "t") + ["speed"] * (name in log.speeds)
+        kinds += (["time"] if name == "t" else []) + (["speed"] if name in log.speeds else [])
         use = next(iter(kinds), "pose")
         unit = log.sheet.units.get(name, "")
         default = next(iter(log_table.units_of(name)), "")
@@ -698,7 +698,7 @@ class TrackingErrors(NamedTuple):
             shift = f"{abs(size.delay):.3g} ± {size.delay_error:.1g} s"
             cause = "delay" if size.delay > 0 else "lead"
             headline += f", of which a {cause} of {shift} explains all but {rest}"
-        headline += f" ({size.remark})" * bool(size.remark)
+        headline += f" ({size.remark})" if size.remark else ""
         return "; ".join([headline, *self.remarks])
 
 
@@ -848,7 +848,7 @@ def _relative(
         errors["attitude"] = t, difference("attitude", quaternions(E[:, :3, :3]), none)
     share = float(np.mean(norm(E[:, :3, 3]) / lengths))
     drift = f"on average {100 * share:.4g} % of the path, in {len(lengths)} parts"
-    return errors, [drift] * bool(over[1])
+    return errors, ([drift] if over[1] else [])
 
 
 NO_SPANS = np.empty(0), np.ones(1, bool)

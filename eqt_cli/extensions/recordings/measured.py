@@ -472,7 +472,9 @@ class MeasuredRun:
         seen, gaps = self.recording, len(self.recording.gaps)
         missing = f", {count_of(gaps, 'gap')}" if gaps else ""
         first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
-        count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
+        count = (
+            f"{len(seen.times)} of " if self.rows > len(seen.times) else ""
+        ) + f"{self.rows} rows"
         notes = [
             f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
             f"{self.run}{missing}; {self.alignment.in_words}"
@@ -714,7 +716,7 @@ def findings(
         keys=2,
     )
     next_step = "next: --verbose prints every axis, --against LAW one law"
-    remarks = [next_step] * (several and not whole)
+    remarks = [next_step] if several and not whole else []
     document = {"measured": str(measured), "controllers": list(map(asdict, explanations))}
     return document, records, [table], remarks
 

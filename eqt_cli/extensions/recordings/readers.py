@@ -125,8 +125,10 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) ->
                             topic = topic._replace(rows=0)  # so that it is not listed
                     else:
                         topic = _decoded(topic, messages, one.msgtype, wanted[kind], store)
-                        note = f"{topic.rows} of {count} read; try mcap recover" * (
-                            topic.rows < count
+                        note = (
+                            f"{topic.rows} of {count} read; try mcap recover"
+                            if topic.rows < count
+                            else ""
                         )
             except Exception as error:  # a foreign message may make rosbags raise anything
                 note = f"{error}; if its messages are compressed, give the folder of the bag"
@@ -243,7 +245,7 @@ def dataflash(
         of = fields.get(name, {})
         numbers = {key: of[key] for key in wanted.get(name, ()) if key in of}
         stamps = np.asarray(1000 * times.get(name, np.empty(0)), int)
-        yield from [Topic(name, name, count, stamps, numbers)] * (count > 0)
+        yield from ([Topic(name, name, count, stamps, numbers)] if count > 0 else [])
 
 
 def _columns(rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -126,7 +126,8 @@ def _variants(log: Log, recorded: RecordedColumns) -> Iterator[tuple[str, Log]]:
         (f"`{kind}: {frame}`", lambda one: one.with_mapping(**{kind: frame})),
         (f"`attitude: {attitude}`", lambda one: one.with_mapping(attitude=attitude)),
     ]
-    changes += [(other_order(log), reordered)] * ({*QUATERNION} <= {*log.columns.names})
+    if {*QUATERNION} <= {*log.columns.names}:
+        changes += [(other_order(log), reordered)]
     for some in (some for count in (1, 2, 3) for some in combinations(changes, count)):
         yield " and ".join(words for words, _ in some), reduce(lambda x, y: y[1](x), some, log)
     if {*EULER} <= {*log.columns.names}:

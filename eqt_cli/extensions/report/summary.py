@@ -378,16 +378,17 @@ def facts(result: Result, author: str = "", date: str = "") -> list[str]:
     keys = listed([each.key for each in result.swept_keys] or ["nothing"])
     lasting = f" of {result.horizon:g} s" if result.horizon else ""
     solver, version = _used(result.config.get("solver") or {}), result.provenance.get("eqt")
+    failed = len(result.failures)
     pieces = [
         author,
         _group(result),
         count_of(len(result.labels), "law"),
-        f"{result.points} points over {keys}" * result.is_sweep,
-        f"{count_of(result.runs, 'run')}{lasting}{' each' * (len(result.labels) > 1)}",
-        f"{count_of(failed := len(result.failures), 'run')} failed" * bool(failed),
+        f"{result.points} points over {keys}" if result.is_sweep else "",
+        f"{count_of(result.runs, 'run')}{lasting}{' each' if len(result.labels) > 1 else ''}",
+        f"{count_of(failed, 'run')} failed" if failed else "",
         " ".join(str(solver[key]) for key in ("engine", "method") if key in solver),
         date or day(result),
-        f"eqt {version}" * bool(version),
+        f"eqt {version}" if version else "",
     ]
     return [piece for piece in pieces if piece]
 

@@ -141,7 +141,7 @@ def _runs_line(search: Searches[Any]) -> str:
     runs = output.count_of(search.base.config.ensemble.runs, "run")
     cases = len(search.in_cases(search.laws[0]))
     each = f"{runs} in each of {cases} cases" if cases > 1 else runs
-    sought = f"{search.searched_runs} ({each} at each point), and " * bool(search.searched_runs)
+    sought = f"{search.searched_runs} ({each} at each point), and " if search.searched_runs else ""
     return f"runs     {sought}at most {search.judging_runs} {search.judging}"
 
 

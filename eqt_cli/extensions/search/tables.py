@@ -100,7 +100,9 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
     cases, result = cases_of(result, record), fronts.held_out(result, record)
     bounds = _bounds(cases, record).rows
     broken = [f"{law} ({what}: {reached})" for law, what, reached, _, ok in bounds if ok != "holds"]
-    notes = [f"Bounds violated on the held-out runs: {'; '.join(broken) or 'none'}."] * bool(bounds)
+    notes = (
+        [f"Bounds violated on the held-out runs: {'; '.join(broken) or 'none'}."] if bounds else []
+    )
     if len(record["objectives"]) > 1:
         table = equal_cost_table(result, record, _WRITE, Resampling())
         if not table.blocks:  # of a single law, or of fronts of different costs
@@ -273,8 +275,8 @@ def searched(record: Record) -> str:
     generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     return (
         f"Searched: {count_of(generations, 'generation')} of {record['population']} points, each "
-        f"of {count_of(runs, 'run')}{cases}, for every law, with the seed{'s' * (len(seeds) > 1)} "
-        f"{listed([*map(str, seeds)])}."
+        f"of {count_of(runs, 'run')}{cases}, for every law, with the "
+        f"seed{'s' if len(seeds) > 1 else ''} {listed([*map(str, seeds)])}."
     )
 
 
