@@ -973,7 +973,11 @@ def _in_words(direction: Array, names: Sequence[str], signed: bool = False) -> s
     words = ""
     for number, name in zip(direction.tolist(), names, strict=True):
         if number:
-            sign = (" − " if number < 0 else " + ") if words else "−" * (signed and number < 0)
+            sign = (
+                (" − " if number < 0 else " + ")
+                if words
+                else ("−" if signed and number < 0 else "")
+            )
             size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
             words += f"{sign}{size}{name}"
     return words

@@ -183,11 +183,9 @@ def law_program(
         values = symbolic.controller.output(s)
         return {OUTPUT + each.name: np.ravel(values[each.source]) for each in outputs}
 
-    programs = [traced(step, groups, expressed)]
-    if memory:
-        programs.append(traced(start, groups))
-    if outputs:
-        programs.append(traced(output, groups))
+    further = [traced(start, groups)] if memory else []
+    programs = [traced(step, groups, expressed), *further]
+    programs += [traced(output, groups)] if outputs else []
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
     spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}

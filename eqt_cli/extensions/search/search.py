@@ -202,7 +202,7 @@ class Searches(ABC, Generic[S]):
         generations, population, seeds = self.evolution
         return [
             count_of(len(self.laws), "law"),
-            f"{len(seeds)} search{'es' * (len(seeds) > 1)}",
+            f"{len(seeds)} search{'es' if len(seeds) > 1 else ''}",
             count_of(generations, "generation"),
             count_of(population, "point"),
         ]

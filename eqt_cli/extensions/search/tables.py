@@ -135,7 +135,7 @@ def _samples(result: Result, record: Record) -> TextTable:
                 values = values_text(search["values"])
                 cost = [values, significant(trained), significant(means[label]), failed]
             ended = search["points"] if search["ended"] == "sure" else f"{search['points']} (all)"
-            number = f"{search['sample']}{' *' * (label == law['label'])}"
+            number = f"{search['sample']}{' *' if label == law['label'] else ''}"
             rows.append([law_title(law["label"]), number, *cost, str(ended)])
     caption = f"{measured(result, name)} by training sample"
     header = ["law", "sample", "best values", "training", "held out", "failed", "points"]
