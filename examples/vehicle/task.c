@@ -16,7 +16,7 @@ static goodarzi2013_input input;
 /* Once in every period; `count` is the number of periods since the start. */
 static void task(long count, float torque[TORQUES])
 {
-    goodarzi2013_reference((float)count * goodarzi2013_defaults.period, &input);
+    goodarzi2013_reference((double)count * GOODARZI2013_PERIOD, &input);
     if (count == 0)
         goodarzi2013_start(&goodarzi2013_defaults, &memory, &input);
     goodarzi2013_torque(&goodarzi2013_defaults, &memory, &input, torque);

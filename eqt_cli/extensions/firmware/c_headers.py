@@ -39,18 +39,19 @@ def needed(text: str, header: str) -> str:
 
     Names that the text defines itself are left out.
     """
-    defined = set(_defined(text))
-    units = [unit for unit in _units(header) if not defined.intersection(_defined(unit))]
+    own = set(defined(text))
+    units = [unit for unit in _units(header) if not own.intersection(defined(unit))]
     wanted = set(_NAME.findall(text))
     chosen: set[int] = set()
     for index in reversed(range(len(units))):  # definitions stand before their use
-        if wanted.intersection(_defined(units[index])):
+        if wanted.intersection(defined(units[index])):
             chosen.add(index)
             wanted.update(_NAME.findall(units[index]))
     return "\n".join(units[index] for index in sorted(chosen))
 
 
-def _defined(text: str) -> Iterator[str]:
+def defined(text: str) -> Iterator[str]:
+    """Yield the names that a text defines."""
     return (name for names in _DEFINED.findall(text) for name in names if name)
 
 

@@ -22,7 +22,7 @@ from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
+from eqt_cli.extensions.firmware.c_headers import PRELUDE, defined, headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
@@ -274,13 +274,30 @@ def source(law: ExportedLaw) -> str:
         output = f"\nstatic {emitted(program.output, f'{name}_given')}"
         outputs = [f"outputs->{entry.name}" for entry in program.outputs]
         giving = call(law, program.output, f"{name}_given", outputs)
+    reference = of_law("reference.c", law) if law.reference else ""
+    if law.by.name == "float":
+        reference = in_double(reference)
     texts = {"step": step, "start": start, "output": output, "giving": giving}
+    texts["reference"] = reference
     body = partial(of_law, "law.c", law, starting=starting, stepping=stepping, **texts)
     functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
-    prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
-    if "eqt_uint" not in functions:
+    helpers = functions + reference
+    prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", helpers) else ""
+    if "eqt_uint" not in helpers:
         prelude = "\n".join(line for line in prelude.splitlines() if "typedef" not in line).lstrip()
     return body(functions=f"{prelude}\n{functions}".strip() + "\n")
+
+
+def in_double(text: str) -> str:
+    """Return functions in double for a file whose other functions are in float."""
+    helpers = needed(PRELUDE + text, headers("double"))
+    names = {*defined(helpers)}
+
+    def renamed(match: re.Match[str]) -> str:
+        name = match[0]
+        return name.replace("_", "_double_", 1) if name in names else name
+
+    return re.sub(r"\b(?:eqt|EQT)_\w+", renamed, f"\n{helpers}\n{text}") if text else ""
 
 
 def emitted(program: Program, name: str) -> str:

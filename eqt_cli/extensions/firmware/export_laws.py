@@ -27,7 +27,13 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
 from eqt_cli.extensions.firmware.controllers import Adapter
-from eqt_cli.extensions.firmware.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
+from eqt_cli.extensions.firmware.program_error import (
+    DOUBLE,
+    FLOAT,
+    Arithmetic,
+    BoundedOutput,
+    bounded,
+)
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import (
     CONTROLLER,
@@ -44,7 +50,8 @@ from eqt_cli.loop.law_program import (
     sizes,
 )
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
-from eqt_cli.numbers.program import Program, distinct, traced
+from eqt_cli.numbers.program import Input, Program, distinct, traced
+from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.results.origin import label_named
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.preflight import rehearse
@@ -215,6 +222,33 @@ def _flown(G: MatrixLieGroup, flying: Vehicle, seed: int) -> tuple[dict[str, Arr
 
 
 @dataclass(frozen=True)
+class ReferenceMoments:
+    """A reference at some times, in order.
+
+    Attributes
+    ----------
+    times : (n,)
+        The times, s.
+    values, bounds : (n, k) each
+        Exact values of what the law is told, and how far rounding takes the exported function from
+        them, by name.
+    """
+
+    times: Array
+    values: dict[str, Array]
+    bounds: dict[str, Array]
+
+    @property
+    def until(self) -> float:
+        """The last time, s."""
+        return float(self.times[-1])
+
+    def in_words(self) -> str:
+        """Return the largest bound of each value: ``desired_pose 6.0e-08, …``."""
+        return ", ".join(f"{name} {bound.max():.2g}" for name, bound in self.bounds.items())
+
+
+@dataclass(frozen=True)
 class ReferenceProgram:
     """The motion of a reference as a program.
 
@@ -231,6 +265,29 @@ class ReferenceProgram:
     motion: Program
     starts: Array
     held: Array
+
+    def moments(self, times: Array, by: Arithmetic) -> ReferenceMoments:
+        """Return the reference at some times, as a function in double gives it to a law."""
+        piece = np.maximum(np.searchsorted(self.starts, times, side="right") - 1, 0)
+        inputs = {"t": times[:, None], "held": self.held[piece]}
+        judged = bounded(self.motion, inputs)
+        clear = ~np.logical_or.reduce([output.singular for output in judged.values()])
+        clear |= times == times[-1]
+        exact = [
+            evaluated(self.motion, {name: rows[k] for name, rows in inputs.items()})
+            for k in np.flatnonzero(clear)
+        ]
+        values = {
+            name: np.array([list(map(float, each[name])) for each in exact]) for name in judged
+        }
+        bounds = {}
+        for name, output in judged.items():
+            size = np.abs(values[name])
+            errors = output.errors[clear] + DOUBLE.unit * size
+            if by is not DOUBLE:
+                errors = errors + by.unit * (size + errors) + by.least
+            bounds[name] = np.nextafter(errors, np.inf)
+        return ReferenceMoments(times[clear], values, bounds)
 
 
 def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
@@ -282,6 +339,9 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
         ) from error
     return ReferenceProgram(program, starts, held)
 
+
+LATE = 1e6
+"""Time until which an exported reference is checked, s: eleven days."""
 
 RUNS = 20
 """Number of runs of a law that are integrated, unless there are fewer."""
@@ -496,6 +556,25 @@ class ExportedLaw:
         if self.by is FLOAT:
             errors = {name: np.abs(self.by.rounded(x) - x) for name, x in inputs.items()}
         return bounded(program, inputs, self.by, errors)
+
+    @property
+    def reads_time(self) -> bool:
+        """Whether the law reads the time, in float: rounding then grows with it."""
+        read = {value.group for value in self.program.step.values if isinstance(value, Input)}
+        return self.by is FLOAT and f"{INPUT}t" in read
+
+    @property
+    def latest(self) -> float:
+        """The latest time of the states, s."""
+        return float(self.states.inputs[f"{INPUT}t"].max())
+
+    @cached_property
+    def moments(self) -> ReferenceMoments:
+        """The reference at some times, of the experiment and long after it."""
+        assert self.reference is not None
+        end = float(self.experiment.times[-1])
+        times = np.unique([*np.linspace(0.0, end, 9), *np.geomspace(end, max(LATE, end), 9)])
+        return self.reference.moments(times, self.by)
 
     @cached_property
     def flat_numbers(self) -> dict[str, Array]:

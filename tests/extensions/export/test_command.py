@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
-from exported_laws import FLAGS, compilers, library, made, written
+from exported_laws import FLAGS, checked, compilers, library, made, written
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.firmware.export_laws import exported
-from eqt_cli.extensions.firmware.program_error import DOUBLE
+from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT
 
 CONFIG = """\
 name: flight
@@ -218,6 +218,31 @@ def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
         assert np.isnan(found[1:13]).all()  # what is measured is left to the vehicle
         for values, expected in ((found[13:22], Q), (found[22:25], V), (found[25:28], V_dot)):
             np.testing.assert_allclose(values, np.ravel(expected), rtol=0, atol=1e-13)
+
+
+@pytest.mark.ci("a law is exported and compiled in float")
+@pytest.mark.parametrize("kind", ["path", "waypoints", "constant"])
+def test_a_reference_in_float_counts_time_in_double(tmp_path, kind):
+    experiment = made("SO3", ["lee2010"], reference=REFERENCES[kind])
+    [law] = exported(experiment, [], FLOAT, reference=True)
+    folder = written(law, tmp_path)
+    function = ctypes.CDLL(str(library(law, folder, compilers()[0]))).lee2010_reference
+    for t in (0.5, 3 * 3600.002, 48 * 3600.002):
+        found = np.full(31, np.nan, np.float32)
+        function(ctypes.c_double(t), found.ctypes.data_as(ctypes.c_void_p))
+        Q, V, V_dot = law.loop.reference.motion(law.loop.group, t)
+        for values, expected in ((found[13:22], Q), (found[22:25], V), (found[25:28], V_dot)):
+            # Half a unit in the last place of a float, and one of a double in the angle.
+            np.testing.assert_allclose(values, np.ravel(expected), rtol=6e-8, atol=1e-10)
+    code, said = checked(law, folder, compilers()[0])
+    assert code == 0
+    assert "17 times until t = 1e+06 s" in said
+    source = folder / "lee2010.c"
+    source.write_text(source.read_text().replace("_motion(&t", "_motion((t = (float)t, &t)"))
+    if kind == "path":  # the others are at rest in the end
+        code, said = checked(law, folder, compilers()[0])
+        assert code == 1
+        assert "the reference at t = " in said
 
 
 def test_it_follows_no_link(config, invoke):

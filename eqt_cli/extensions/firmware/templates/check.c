@@ -54,6 +54,9 @@ static void compare(const char *what, int state, int entry, double found, double
     wrong = 1;
 }
 
+{% if law.reference %}{% include "reference_check.c" %}
+
+{% endif %}
 {% if law.filter %}{% include "filter_check.c" %}{% else %}static void check_filter(void)
 {
 }
@@ -90,6 +93,9 @@ int main(void)
         }
     }
     check_filter();
+{% if law.reference %}
+    check_reference();
+{% endif %}
     if (wrong)
         return 1;
     if (near < STATES)

@@ -47,4 +47,4 @@ void ${label}_give(const ${label}_numbers *numbers, const ${label}_memory *memor
     ${giving}
 }
 {% endif %}
-{% if law.reference %}{% include "reference.c" %}{% endif %}{% if law.filter %}{% include "filter.c" %}{% endif %}{% if law.allocation %}{% include "allocation.c" %}{% endif +%}
+${reference}{% if law.filter %}{% include "filter.c" %}{% endif %}{% if law.allocation %}{% include "allocation.c" %}{% endif +%}

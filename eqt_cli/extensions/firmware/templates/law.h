@@ -14,6 +14,9 @@
    that of exact numbers by at most
 ${wrapped(bounds_in_words(law), "       ")}
    ${indented(apart_in_words(law))}
+{% if law.reads_time %}
+   The law reads the time itself: these bounds hold until t = ${"%g" | format(law.latest)} s, the latest of these states.
+{% endif %}
 
    ${law.program.step.operations} operations. ${label}_check.c checks all of this, and the file README.md has more. */
 #ifndef ${label | upper}_H

@@ -3,12 +3,12 @@
 
 {% if pieces %}
 /* When each piece of the reference begins, s, and its numbers. */
-static const ${real} ${label}_starts[${pieces}] =
-    ${wrapped(braced(found.starts, law.by), "    ").lstrip()};
+static const double ${label}_starts[${pieces}] =
+    ${wrapped(row(found.starts), "    ").lstrip()};
 
-static const ${real} ${label}_pieces[${pieces}][${found.held.shape[1]}] = {
+static const double ${label}_pieces[${pieces}][${found.held.shape[1]}] = {
 {% for numbers in found.held %}
-${wrapped(braced(numbers, law.by), "     ", "    ")}${"" if loop.last else ","}
+${wrapped(row(numbers), "     ", "    ")}${"" if loop.last else ","}
 {% endfor %}
 };
 
@@ -16,15 +16,27 @@ ${wrapped(braced(numbers, law.by), "     ", "    ")}${"" if loop.last else ","}
 
 {% endif %}
 static ${emitted(found.motion, label ~ "_motion")}
-void ${label}_reference(${real} t, ${label}_input *input)
+void ${label}_reference(double t, ${label}_input *input)
 {
+{% if real == "float" %}
+    int k;
+{% for output in found.motion.outputs %}
+    double ${output.name}[${output.entries | length}];
+{% endfor %}
+{% endif %}
 {% if pieces %}
     int piece = 0;
     while (piece < ${pieces - 1} && ${label}_starts[piece + 1] <= t)
         piece++;
-{% else %}
+{% elif real == "double" %}
 
 {% endif %}
-    input->t = t;
-    ${label}_motion(&input->t, {% if pieces %}${label}_pieces[piece]{% else %}&input->t{% endif %}, {% for output in found.motion.outputs %}input->${output.name}${"" if loop.last else ", "}{% endfor %});
+    input->t = {% if real == "float" %}(float){% endif %}t;
+    ${label}_motion(&t, {% if pieces %}${label}_pieces[piece]{% else %}&t{% endif %}, {% for output in found.motion.outputs %}{% if real == "double" %}input->{% endif %}${output.name}${"" if loop.last else ", "}{% endfor %});
+{% if real == "float" %}
+{% for output in found.motion.outputs %}
+    for (k = 0; k < ${output.entries | length}; k++)
+        input->${output.name}[k] = (float)${output.name}[k];
+{% endfor %}
+{% endif %}
 }
