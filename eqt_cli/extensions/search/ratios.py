@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -110,6 +110,20 @@ class Ratio:
         """Whether the median run is on the other side of 1 than the ratio of means."""
         off = self.value - 1, self.median - 1
         return off[0] * off[1] < 0 and min(map(abs, off)) > NEGLIGIBLE
+
+    @property
+    def swapped(self) -> Ratio:
+        """The same of the second law against the first."""
+        return replace(
+            self,
+            first=self.second,
+            second=self.first,
+            value=1 / self.value,
+            low=1 / self.high,
+            high=1 / self.low,
+            median=1 / self.median,
+            ahead=1 - self.ahead,
+        )
 
     @property
     def percent(self) -> str:
@@ -227,7 +241,7 @@ def _notes(samples: int) -> list[str]:
         return [too_few(samples)]
     return [
         "mean: difference of the means, with the 95 % interval that holds what both training "
-        "samples and held-out runs leave open; the verdict follows from it",
+        "samples and held-out runs leave open; the verdict follows from it, for each pair alone",
         "median run: difference in the middle run; better in: share of the runs",
     ]
 
@@ -249,11 +263,9 @@ def sentences(result: Result, of_pairs: Sequence[Ratio], samples: int) -> list[s
         return [too_few(samples)]
     verdicts: dict[str, list[str]] = {}
     for pair in of_pairs:
-        one, other = law_title(pair.first), law_title(pair.second)
-        word = pair.word
-        if word is Word.WORSE:
-            one, other = other, one
-        if word in (Word.BETTER, Word.WORSE):
+        pair = pair.swapped if pair.word is Word.WORSE else pair
+        one, other, word = law_title(pair.first), law_title(pair.second), pair.word
+        if word is Word.BETTER:
             verdicts.setdefault(f"{one} is better than", []).append(f"{other} ({pair.percent})")
         else:
             verdicts.setdefault(f"{word}:", []).append(f"{one} – {other} ({pair.percent})")

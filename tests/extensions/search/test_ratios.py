@@ -96,6 +96,14 @@ def test_the_word_follows_from_the_interval(factor, samples, word):
     assert one.samples == samples
 
 
+def test_a_sentence_gives_the_better_law_and_by_how_much_it_is_better():
+    for factor in (0.8, 1.25):
+        result, record = compared(factor * RUNS, RUNS)
+        said = sentences(result, ratios(result, record, [METRIC]), 5)
+        better, worse = ("a", "b") if factor < 1 else ("b", "a")
+        assert f"{better} is better than {worse} (−20" in said[0]
+
+
 def test_samples_that_contradict_each_other_decide_nothing():
     swing = np.array([0.7, 1.3, 0.8, 1.2, 0.9])[:, None]
     assert ratio(*_pair(swing * RUNS, RUNS), METRIC).word is Word.UNDECIDED
