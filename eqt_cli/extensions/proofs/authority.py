@@ -31,6 +31,9 @@ programmes meet their constraints to 1e-7."""
 TRIED = 1e-4
 """Share of the same, by which an allocation is tried from rest."""
 
+MOST_TILT = np.radians(20)
+"""Tilt from which on a vehicle that pushes in all directions is taken to need no other law."""
+
 MILLI = 0.1
 """Largest number, N m or N, of a column that is in mN m or mN."""
 
@@ -109,6 +112,18 @@ class Members:
             along = (sense == 1) != axis.startswith("−")
             named.append(f"{kind} {'+' if along else '−'}{axis.lstrip('−')}")
         return " and no ".join(named)
+
+    def tilt(self, left: Array) -> float:
+        """Return the largest tilt at which thrusts hold the weight, rad, of a law that never tilts.
+
+        Sideways, they then push by tan θ of the weight.
+        """
+        forces = np.array(["force" in name for name in self.names])
+        weight = norm(self.held[forces])
+        beside = forces & (np.abs(self.held) <= NOTHING * weight)
+        if beside.sum() < 2 or not weight:
+            return np.pi / 2
+        return float(np.arctan(np.abs(left[beside]).min() / weight))
 
     @property
     def is_cut(self) -> bool:
@@ -226,6 +241,12 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
             before, np.broadcast_to(before.any(axis=1, keepdims=True), before.shape)
         ):
             yield key, f"at {each.state}, the limits leave no {lost}"
+        elif (tilt := each.tilt(before)) < MOST_TILT:
+            yield (
+                key,
+                f"the thrusters hold the weight up to a tilt of {np.degrees(tilt):.2g}° only; "
+                "beyond it, the body falls under a law that does not tilt to move; use `cascade`",
+            )
         if not failing:
             continue
         after = each.left(failed=True)

@@ -99,3 +99,46 @@ def test_without_a_force_to_hold_rotors_of_one_sense_are_always_cut() -> None:
     assert (members(body).left() != 0).all()
     for change in ({"allocation": "bounded"}, {"low": -8}):
         assert not said({**body, "actuators": [body["actuators"][0] | change]})
+
+
+def tilted_hexarotor(tilt: float, high: float = HIGH) -> dict[str, Any]:
+    """Six rotors, tilted about their arms to both sides, under a law that never tilts."""
+    config = rotors(HEXAGON, SPINS["alternating"])
+    config["actuators"][0]["high"] = high
+    del config["model"], config["control"]
+    config |= {
+        "plant": {"forces": [{"kind": "restoring", "weight": W}]},
+        "reference": {"kind": "constant"},
+        "controllers": ["eqt"],
+        "gains": {"kp": 1.0, "kd": 1.0},
+    }
+    for k, rotor in enumerate(config["actuators"][0]["thrusters"]):
+        x, y, _ = np.array(rotor["at"]) / ARM
+        lean = np.radians(tilt) * (-1) ** k
+        rotor["along"] = [-y * np.sin(lean), x * np.sin(lean), np.cos(lean)]
+    return config
+
+
+def test_a_vehicle_that_holds_its_weight_only_up_to_a_small_tilt() -> None:
+    """The least tilt along ±x and ±y at which no thrusts within limits balance the weight."""
+    from scipy.optimize import linprog
+
+    config = tilted_hexarotor(5.0)
+    hexa = members(config)
+    B, tilts = np.asarray(hexa.part.matrix), []
+
+    def is_held(angle: float, way: tuple[float, float]) -> bool:
+        weight = W * np.array([0, 0, 0, *(np.sin(angle) * np.array(way)), np.cos(angle)])
+        tried = linprog(np.zeros(6), A_eq=B, b_eq=weight, bounds=[(0, HIGH)] * 6)
+        return bool(tried.status == 0)
+
+    for way in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        low, high = 0.0, np.radians(30)
+        for _ in range(10):
+            middle = (low + high) / 2
+            low, high = (middle, high) if is_held(middle, way) else (low, middle)
+        tilts.append(low)
+    assert hexa.tilt(hexa.left()) == pytest.approx(min(tilts), rel=0.02)
+    [remark] = [text for text in said(config) if "tilt of" in text]
+    assert "cascade" in remark
+    assert not any("tilt of" in text for text in said(tilted_hexarotor(50.0, high=20.0)))
