@@ -144,6 +144,8 @@ class Vehicle:
         The format of the file, in words.
     base
         The link whose axes are those of the body.
+    floats, is_marine, lifts
+        Whether no gravity acts, water acts, or something not in the file lifts it.
     notes
         What was held, left out or assumed, with places.
     missing
@@ -159,6 +161,7 @@ class Vehicle:
     water: Water | None = None
     floats: bool = False
     is_marine: bool = False
+    lifts: bool = False
     notes: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
 

@@ -69,7 +69,7 @@ class Body:
         """Whether the rotors that lift also turn the body about all axes, as of a multirotor."""
         if self.kind != "quadrotor":
             return False
-        if not self.B.shape[1]:
+        if self.lifting.all():
             return True
         rows = np.vstack([self.B[:3], self.main @ self.B[3:]])[:, self.lifting]
         sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True).clip(1e-12))[1]
@@ -95,7 +95,7 @@ def body_of(v: Vehicle, request: Request) -> Body:
     mass, centre, tensor = v.composed()
     check_thrusts(v, request, mass)
     kind = request.kind or ("auv" if v.is_marine else "satellite" if v.floats else "")
-    kind = kind or ("quadrotor" if v.rotors else "")
+    kind = kind or ("quadrotor" if v.rotors or v.lifts else "")
     if not kind:
         raise EqtError(
             f"{request.path}: no rotor, thruster or water is in the file, so that nothing says how "

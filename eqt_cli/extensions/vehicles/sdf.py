@@ -263,6 +263,16 @@ class _Sdf:
             name = carrier
         raise EqtError(f"{place}: no link '{name}'; correct the name")
 
+    def drop_joints(self) -> None:
+        """Drop the joints that hold what is left out."""
+        if not self.request.without:
+            return
+        for name, (element, part) in list(self.joints.items()):
+            ends = [self._inside(part, element.words(end)) for end in ("parent", "child")]
+            if any(end not in self.carriers and end != "world" for end in ends):
+                self.notes.append(f"{element.place}: joint {name} holds what is left out")
+                del self.joints[name], self.carriers[name], self.frames[name]
+
     # Links and joints in the axes of the base ---------------------------------------------------
 
     def link(self, name: str, to_base: Array) -> Link:
@@ -329,10 +339,7 @@ def read_sdf(request: Request) -> Model:
     if not sdf.links:
         raise EqtError(f"{part.element.place}: the model has no link; give the file that has them")
     sdf.set_placements()
-    for joint, (element, of) in list(sdf.joints.items()):
-        ends = {sdf._inside(of, element.words(end)) for end in ("parent", "child")}
-        if any(name.removeprefix(of.scope) in request.without for name in ends):
-            del sdf.joints[joint]
+    sdf.drop_joints()
     base = sdf.link_of(canonical, part.element.place)
     base = base_of(sdf.plugins, sdf.links, base)
     to_base = inverse(sdf.relative(base))

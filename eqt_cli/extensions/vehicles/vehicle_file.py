@@ -43,6 +43,10 @@ def configuration_of(path: Path, **options: Any) -> tuple[str, list[str]]:
             vehicle = equipped(read_sdf(request), request)
         elif root.tag == "robot":
             vehicle = _of_urdf(root, request)
+        elif root.tag == "mujoco":
+            from eqt_cli.extensions.vehicles.mjcf import read_mjcf
+
+            vehicle = read_mjcf(root, request)
         else:
             raise EqtError(
                 f"{root.place}: <{root.tag[:40]}>: expected <sdf>, <robot> or <mujoco>; give an "

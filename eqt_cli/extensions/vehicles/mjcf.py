@@ -1,0 +1,238 @@
+"""MJCF: MuJoCo composes the bodies, and says where actuators push."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.vehicles.bodies import G0, Link, Rotor, Vehicle, Wheel, pose_of
+from eqt_cli.extensions.vehicles.elements import Element, shown
+from eqt_cli.extensions.vehicles.request import Request
+
+BESIDE = 1e-6
+"""Distance of the centre of mass of a wheel from its axis, m, that digits explain."""
+
+
+def read_mjcf(root: Element, request: Request) -> Vehicle:
+    """Return the one free body of an MJCF file, with what hangs on it at joint angles 0.
+
+    Raises
+    ------
+    EqtError
+        Without the package mujoco, with what MuJoCo says of the file, and if not one body is free.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise EqtError(
+            f"{request.path}: MJCF needs the package mujoco; pip install 'eqt-cli[mujoco]'"
+        ) from None
+    where = shown(request.path)
+    notes: list[str] = []
+    try:
+        spec = mujoco.MjSpec.from_file(str(request.path))
+        for body in spec.bodies:
+            if body.name and request.leaves_out(body.name):
+                spec.delete(body)
+                notes.append(f"{where}: body {body.name} is left out, as --without asks")
+        _without_files(mujoco, spec, request, notes)
+        model = spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        said = re.sub(r"^(XML )?Error:?\s*", "", " ".join(str(error).split()))
+        raise EqtError(f"{where}: MuJoCo: {said[:300]}; correct the file") from None
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    is_whole = all(element.tag != "include" for element in root.walk())
+    lines = _lines(spec, where) if is_whole else {}
+    return _Mjcf(mujoco, model, data, where, lines, notes).vehicle(spec.modelname, request)
+
+
+def _without_files(mujoco: Any, spec: Any, request: Request, notes: list[str]) -> None:
+    """Remove pictures, and meshes whose files are missing, unless a mass is theirs."""
+    folder = request.path.parent
+    at = [folder / (spec.meshdir or ""), folder]
+    missing = {
+        mesh.name or Path(mesh.file).stem
+        for mesh in spec.meshes
+        if mesh.file and not any((there / mesh.file).is_file() for there in at)
+    }
+    always, never = 1, 0
+    from_shapes = int(spec.compiler.inertiafromgeom)
+    for geom in list(spec.geoms):
+        geom.material = ""
+        if geom.type != mujoco.mjtGeom.mjGEOM_MESH or geom.meshname not in missing:
+            continue
+        stated = geom.parent.explicitinertial and from_shapes != always
+        light = geom.mass == 0 or (np.isnan(geom.mass) and geom.density == 0)
+        if not (stated or light or from_shapes == never):
+            raise EqtError(
+                f"{shown(request.path)}: body {geom.parent.name} has mass from the mesh "
+                f"{geom.meshname}, whose file is missing; add it, or write <inertial>"
+            )
+        spec.delete(geom)
+    for mesh in list(spec.meshes):
+        if (mesh.name or Path(mesh.file).stem) in missing:
+            spec.delete(mesh)
+    for picture in [*spec.materials, *spec.textures]:
+        spec.delete(picture)
+    if missing:
+        notes.append(f"{shown(request.path)}: {len(missing)} mesh files are missing: without mass")
+
+
+def _lines(spec: Any, where: str) -> dict[tuple[str, str], str]:
+    """Return the places of bodies and actuators by their names."""
+    places = {}
+    for kind, elements in (("body", spec.bodies), ("actuator", spec.actuators)):
+        for element in elements:
+            line = re.search(r"line (\d+)", element.info or "")
+            places[kind, element.name] = f"{where}:{line[1]}" if line else where
+    return places
+
+
+class _Mjcf:
+    """Reads a compiled model, in the axes of its free body."""
+
+    def __init__(
+        self,
+        mujoco: Any,
+        model: Any,
+        data: Any,
+        where: str,
+        lines: dict[tuple[str, str], str],
+        notes: list[str],
+    ) -> None:
+        self.mujoco, self.model, self.data, self.lines = mujoco, model, data, lines
+        self.where, self.notes = where, notes
+        free = [int(model.jnt_bodyid[k]) for k in range(model.njnt) if model.jnt_type[k] == 0]
+        if len(free) != 1:
+            names = ", ".join(model.body(b).name or f"body {b}" for b in free)
+            have = (
+                f"{len(free)} bodies are free ({names})" if free else "no body has a <freejoint/>"
+            )
+            raise EqtError(f"{where}: {have}; expected one: --without leaves others out")
+        self.base = free[0]
+        self.to_body = data.xmat[self.base].reshape(3, 3).T
+        self.origin = data.xpos[self.base]
+
+    def place(self, kind: str, name: str) -> str:
+        """Return the file and line of an element."""
+        return self.lines.get((kind, name), self.where)
+
+    def vehicle(self, name: str, request: Request) -> Vehicle:
+        """Return the vehicle."""
+        model, base = self.model, self.base
+        held = [b for b in range(1, model.nbody) if model.body_rootid[b] == model.body_rootid[base]]
+        links = {b: self._link(b) for b in held}
+        base_name = model.body(base).name or "the free body"
+        heavy = [link for link in links.values() if link.mass > 0]
+        v = Vehicle(name, "MJCF", base_name, heavy, notes=self.notes)
+        gravity = float(np.linalg.norm(model.opt.gravity))
+        v.floats = gravity == 0
+        if gravity and abs(gravity - G0) > 1e-2:
+            v.notes.append(f"{self.where}: gravity is {gravity:g} m/s^2; eqt weighs with {G0}")
+        if model.opt.density or model.opt.viscosity:
+            v.notes.append(f"{self.where}: drag by <option density, viscosity> is left out")
+        torques = [self._actuator(k, v, links, request) for k in range(model.nu)]
+        if pure := [text for text in torques if text]:
+            v.rotors.clear()
+            v.notes += pure
+            v.notes.append(
+                f"{self.where}: actuators give torques about the body's axes: no rotor is in the "
+                "file; add `actuators` (docs/howto/rotors.md)"
+            )
+            v.lifts = not v.floats
+        wheels = {wheel.name for wheel in v.wheels}
+        loose = [
+            model.joint(j).name or f"joint {j}"
+            for j in range(model.njnt)
+            if model.jnt_type[j] and int(model.jnt_bodyid[j]) in links
+        ]
+        if loose := [joint for joint in loose if joint not in wheels]:
+            v.notes.append(f"{self.where}: joints that can move are held at 0: {', '.join(loose)}")
+        return v
+
+    def _link(self, b: int) -> Link:
+        model, data = self.model, self.data
+        name = model.body(b).name or f"body {b}"
+        R = self.to_body @ data.ximat[b].reshape(3, 3)
+        centre = self.to_body @ (data.xipos[b] - self.origin)
+        J = R @ np.diag(model.body_inertia[b]) @ R.T
+        pose = pose_of(self.to_body @ data.xmat[b].reshape(3, 3), np.zeros(3))
+        return Link(name, self.place("body", name), pose, float(model.body_mass[b]), centre, J)
+
+    def _range(self, k: int) -> tuple[float, float] | None:
+        """Return the least and largest force of an actuator."""
+        model, ends = self.model, []
+        if model.actuator_ctrllimited[k]:
+            ends.append(np.sort(model.actuator_ctrlrange[k] * model.actuator_gainprm[k, 0]))
+        if model.actuator_forcelimited[k]:
+            ends.append(model.actuator_forcerange[k])
+        if not ends:
+            return None
+        return max(float(low) for low, _ in ends), min(float(high) for _, high in ends)
+
+    def _actuator(self, k: int, v: Vehicle, links: dict[int, Link], request: Request) -> str | None:
+        """Add an actuator; return what it is if it gives a torque alone."""
+        model, kinds = self.model, self.mujoco.mjtTrn
+        name = model.actuator(k).name or f"actuator {k}"
+        place, kind = self.place("actuator", name), model.actuator_trntype[k]
+        is_motor = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] == 0
+        if kind == kinds.mjTRN_JOINT and is_motor and (v.floats or request.kind == "satellite"):
+            self._wheel(k, place, v, links)
+            return None
+        if kind != kinds.mjTRN_SITE or not is_motor or model.actuator_trnid[k, 1] >= 0:
+            v.notes.append(f"{place}: actuator {name} drives a joint, or by a law: left out")
+            return None
+        site = model.actuator_trnid[k, 0]
+        if int(model.site_bodyid[site]) not in links:
+            return None
+        R = self.to_body @ self.data.site_xmat[site].reshape(3, 3)
+        at = self.to_body @ (self.data.site_xpos[site] - self.origin)
+        force, torque = (R @ part for part in np.split(model.actuator_gear[k], 2))
+        size, ends = float(np.linalg.norm(force)), self._range(k)
+        if size == 0:
+            span = "" if ends is None else f", {ends[0]:g} to {ends[1]:g} N m"
+            return f"{place}: {name}: torque along {_row(torque)}{span}"
+        along = force / size
+        turns = float(torque @ along) / size
+        lever = np.cross(along, torque - (torque @ along) * along) / size
+        rotor = Rotor(name, place, at + lever, along, turns=turns, number=float(k))
+        if ends is not None:
+            rotor.low, rotor.high = ends[0] * size, ends[1] * size
+        if model.actuator_dyntype[k] in (
+            self.mujoco.mjtDyn.mjDYN_FILTER,
+            self.mujoco.mjtDyn.mjDYN_FILTEREXACT,
+        ):
+            rotor.up = rotor.down = float(model.actuator_dynprm[k, 0])
+        v.rotors.append(rotor)
+        return None
+
+    def _wheel(self, k: int, place: str, v: Vehicle, links: dict[int, Link]) -> None:
+        """Add a reaction wheel: a body on a hinge, balanced about its axis."""
+        model, j = self.model, self.model.actuator_trnid[k, 0]
+        link, axis = links.get(int(model.jnt_bodyid[j])), self.to_body @ self.data.xaxis[j]
+        name = model.joint(j).name or f"joint {j}"
+        if link is None or model.jnt_type[j] != self.mujoco.mjtJoint.mjJNT_HINGE:
+            v.notes.append(f"{place}: {name} is no hinge of the vehicle: left out")
+            return
+        arm = link.centre - self.to_body @ (self.data.xanchor[j] - self.origin)
+        if np.linalg.norm(np.cross(axis, arm)) > BESIDE:
+            v.notes.append(f"{place}: {name}: the wheel is not balanced about its axis; held at 0")
+            return
+        ends = self._range(k)
+        gear = abs(float(model.actuator_gear[k, 0]))
+        limit = None if ends is None else gear * min(-ends[0], ends[1])
+        v.wheels.append(Wheel(name, place, axis, limit, float(axis @ link.inertia @ axis)))
+        dof = model.jnt_dofadr[j]
+        if model.dof_armature[dof] or model.dof_damping[dof]:
+            v.notes.append(f"{place}: armature and damping of {name} are left out")
+
+
+def _row(values: Array) -> str:
+    return f"[{', '.join(f'{value + 0.0:.4g}' for value in values)}]"
