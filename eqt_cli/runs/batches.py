@@ -22,6 +22,7 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Problem, SolverChecks, hurried
+from eqt_cli.engines.extrapolation import Extrapolation
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.numbers.leaves import leaves, structure
@@ -296,23 +297,35 @@ BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`, with a margin for the amplification by the trajectories
 themselves: 190 was measured for a run of nog in the paper's ensemble that was solved alone."""
 
-EVALUATIONS = 500
-"""Evaluations, by the counts of the runs, that the check may take for loops of one structure: 0.07
-s of the paper's laws. Counts, unlike times, are the same under any load."""
+EVALUATIONS = {"steps": 1000, "evaluations": 500}
+"""Evaluations that the check may always take for loops of one structure, by what the engine counts:
+at 0.06 ms each of the paper's laws, 0.06 s, and 0.03 s where SciPy is imported for it. Counts,
+unlike times, are the same under any load."""
+
+SHARE = 0.2
+"""The check may also take this share of what the runs took, by their counts."""
+
+COMPILED = 1000.0
+"""Compiled evaluations of a run that take as long as one of the check's: 0.06 µs and 0.06 ms were
+measured of the paper's laws."""
 
 MOST_EVALUATIONS = 30_000
 """Evaluations up to the first sample beyond which nothing is checked."""
 
-EVALUATIONS_PER_STEP = 15
-"""Evaluations by LSODA per compiled step of the longest run: 9 to 18 were measured."""
+STAGES = 15
+"""Evaluations of a compiled step; it is also some of the check's, of which there are more at
+least from sample to sample."""
+
+EVALUATIONS_PER_SAMPLE = 20
+"""Evaluations of the check from one sample to the next, where steps end: 17 to 19 were measured."""
 
 EVALUATIONS_PER_SPAN = 40
-"""Evaluations by LSODA that take as long as a control instant, with law, sensors and actuators: 5
-were measured of the BlueROV2, 12 of the CubeSat, 38 of the Crazyflie."""
+"""Evaluations that take as long as a control instant, with law, sensors and actuators: 5 were
+measured of the BlueROV2, 12 of the CubeSat, 38 of the Crazyflie."""
 
 MOST_SECONDS = 10.0
 """Longest time of this thread for each chosen run of all laws, s. It ends what takes much longer
-than its counts say, such as unstable loops that only LSODA follows with short steps."""
+than its counts say."""
 
 BLOCK_RUNS = 200
 """Number of runs that share the evaluations of an engine in Python."""
@@ -321,16 +334,21 @@ BLOCK_RUNS = 200
 def independent(engine: Engine) -> SolveIvp:
     """Return the engine that repeats runs of an engine, by another kind of method.
 
-    LSODA of ODEPACK repeats them by multistep methods: those of Adams, or backward differences
-    where the loop is stiff. Radau, an implicit one-step method, repeats those of multistep methods.
+    Extrapolation of the midpoint rule repeats those of engines in C; it has nothing in common with
+    DOP853, and SciPy, which takes longer to import, is not needed. LSODA of ODEPACK repeats those
+    of SciPy's methods by multistep ones, and Radau, an implicit one-step method, those of multistep
+    methods.
 
-    LSODA judges the largest error of a block, not the mean, so it needs no tolerance divided by √B:
-    the tolerance of its steps is `rtol`. With it, errors of up to 12 `rtol` were measured on
-    `paper`, `se3`, `se3_bluerov2_flies` and `satellite_panels`: a hundredth of the bound.
+    The first two judge the largest error of a block, not the mean, so they need no tolerance
+    divided by √B: the tolerance of their steps is `rtol`. With it, errors of up to 15 `rtol` were
+    measured on `paper`, `se3`, `se3_bluerov2_flies` and `satellite_panels`: a hundredth of the
+    bound.
     """
     multistep = isinstance(engine, SolveIvp) and engine.method in ("BDF", "LSODA")
-    method: Literal["Radau", "LSODA"] = "Radau" if multistep else "LSODA"
     rtol = engine.rtol * (1.0 if multistep else BLOCK_RUNS**0.5)
+    if not isinstance(engine, SolveIvp):
+        return Extrapolation(rtol=rtol, atol=1e-3 * rtol, block=BLOCK_RUNS)
+    method: Literal["Radau", "LSODA"] = "Radau" if multistep else "LSODA"
     return SolveIvp(method=method, rtol=rtol, atol=1e-3 * rtol, block=BLOCK_RUNS)
 
 
@@ -357,8 +375,8 @@ def cross_check(
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None if no run is chosen.
 
-    The default number of runs is repeated up to the last sample that `EVALUATIONS` allow, any other
-    number over the whole horizon.
+    The default number of runs is repeated up to the last sample that `EVALUATIONS` and `SHARE`
+    allow, any other number over the whole horizon.
 
     Parameters
     ----------
@@ -373,7 +391,7 @@ def cross_check(
         return None
     bound, method = BOUND_PER_RTOL * base.engine.rtol, str(independent(base.engine).method)
     deadline = time.thread_time() + MOST_SECONDS * runs
-    apart, shortest = list[tuple[float, str]](), np.inf
+    apart, shortest = list[tuple[float, str]](), (np.inf, np.inf)
 
     def progress(done: float) -> None:
         reporter().advance(done)
@@ -390,7 +408,9 @@ def cross_check(
         if not len(good):
             continue
         try:
-            samples = _samples(base, problem, max(longest[index][label] for label, _ in group))
+            works = {label: longest[index][label] for label, _ in group}
+            entries = pieces[index].plan.entries
+            samples = _samples(base, problem, max(works.values()), entries * sum(works.values()))
             begun = replace(problem.select(good), times=problem.times[:samples])
             again = independent(group[0][1].engine).solve(begun, progress=progress).states
         except _Skipped as skipped:
@@ -404,23 +424,28 @@ def cross_check(
         of_rows = np.repeat([label for label, _ in group], [len(b.rows) for _, b in group])
         apart.append((float(distances.max()), str(of_rows[good[distances.argmax()]])))
         if samples < len(problem.times):
-            shortest = min(shortest, begun.times[-1] - begun.times[0])
-    if shortest < np.inf:
-        method += f" over the first {shortest:.3g} s"
+            ends = (times[-1] - times[0] for times in (begun.times, problem.times))
+            shortest = min(shortest, (*ends,))
+    if shortest[0] < np.inf:
+        method += f" over the first {shortest[0]:.3g} of {shortest[1]:g} s"
     difference, law = max(apart, default=(np.nan, ""))
     return CrossCheck(method, runs, difference, bound, law * (difference > bound))
 
 
-def _samples(base: Experiment, problem: Problem, work: float) -> int:
-    """Return how many samples are repeated, where the longest run takes this work."""
+def _samples(base: Experiment, problem: Problem, longest: float, total: float) -> int:
+    """Return how many samples are repeated, by the work of the longest run, and of all."""
     if base.solver.judgement.cross_check != SolverChecks.cross_check:
         return len(problem.times)
-    per_step = EVALUATIONS_PER_STEP if base.engine.counted == "steps" else 1
-    evaluations = per_step * work + EVALUATIONS_PER_SPAN * len(problem.spans)
-    per_sample = evaluations / (len(problem.times) - 1)
+    counted, intervals = base.engine.counted, len(problem.times) - 1
+    in_c = counted == "steps"
+    evaluations = (STAGES if in_c else 1) * longest
+    evaluations = max(evaluations, EVALUATIONS_PER_SAMPLE * intervals * in_c)
+    per_sample = (evaluations + EVALUATIONS_PER_SPAN * len(problem.spans)) / intervals
     if per_sample > MOST_EVALUATIONS:
         raise _Skipped(f"up to the first sample it takes about {per_sample:.1g} evaluations")
-    return 1 + min(max(1, int(EVALUATIONS / per_sample)), len(problem.times) - 1)
+    share = SHARE * total * (STAGES / COMPILED if in_c else 1 / BLOCK_RUNS)
+    allowed = max(EVALUATIONS.get(counted, EVALUATIONS["evaluations"]), share)
+    return 1 + min(max(1, int(allowed / per_sample)), intervals)
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:

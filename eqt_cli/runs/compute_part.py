@@ -8,7 +8,6 @@ from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Self
 
@@ -788,8 +787,6 @@ class PartTask:
         with hurried(_is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
             for label in kinds.values() if threads and base.engine.threads else ():
                 pool.submit(copy_context().run, _compile, piece, label)
-                if base.solver.judgement.cross_check:  # by LSODA, which is slow to import
-                    pool.submit(import_module, "scipy.integrate")
             self._save_references()
 
     def _save_references(self) -> None:
