@@ -86,7 +86,7 @@ oracles: $(VENV)/.stamp-test ## compare with Basilisk, MuJoCo, Pinocchio, RotorP
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
 mutants: $(VENV)/.stamp-test ## plant small faults in the mathematical core; its tests must tell 95 % of 300
-	$(BIN)/python -m mutants $(ARGS)
+	PYTHONPATH=tests/shared $(BIN)/python -m mutants $(ARGS)
 
 # The commit before signals were compiled; make bench BEFORE=HEAD^ compares with another one.
 BEFORE ?= 7cbc8f6^

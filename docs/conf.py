@@ -30,7 +30,7 @@ extensions = [
 
 # Pages.
 templates_path = ["_templates"]
-exclude_patterns = ["_ext", "_templates", "_static/*.txt", "reference/*.py"]
+exclude_patterns = ["paper", "_ext", "_templates", "_static/*.txt", "reference/*.py"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 html_math_renderer = "mathml"

@@ -24,7 +24,10 @@ from eqt_cli.figures.figure import figures
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))
+PAPER = DOCS / "paper"  # for a journal, no page
+PAGES = sorted(
+    path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md") if path.parent != PAPER
+)
 EQUATIONS = yaml.safe_load((DOCS / "explanation" / "equations.yaml").read_text(encoding="utf-8"))
 
 

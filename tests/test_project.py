@@ -12,12 +12,12 @@ from zipfile import ZipFile
 import pytest
 import tiers
 import yaml
+from mutants import __main__ as mutants
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import eqt_cli
-from mutants import __main__ as mutants
 
 ROOT = Path(__file__).parents[1]
 

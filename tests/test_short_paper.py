@@ -8,19 +8,20 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[1]
-PAPER = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+FOLDER = ROOT / "docs" / "paper"
+PAPER = (FOLDER / "paper.md").read_text(encoding="utf-8")
 BODY = PAPER.partition("# Summary")[2].partition("# References")[0]
 
 
 def test_the_errata_are_those_of_the_documentation():
-    errata = runpy.run_path(str(ROOT / "paper" / "errata.py"))["errata"]()
-    stored = (ROOT / "paper" / "errata.md").read_text(encoding="utf-8")
-    assert stored == errata, "run python paper/errata.py --pdf"
+    errata = runpy.run_path(str(FOLDER / "errata.py"))["errata"]()
+    stored = (FOLDER / "errata.md").read_text(encoding="utf-8")
+    assert stored == errata, "run python docs/paper/errata.py --pdf"
     assert "](" not in errata and errata.count("\n- ") == 13
 
 
 def test_the_errata_are_one_page_of_us_letter():
-    text = (ROOT / "paper" / "errata.pdf").read_bytes()
+    text = (FOLDER / "errata.pdf").read_bytes()
     assert re.findall(rb"/MediaBox ?\[0 0 612 792\]", text) and re.findall(rb"/Count 1\b", text)
 
 
@@ -29,11 +30,11 @@ def test_the_paper_has_the_form_of_its_journal():
     assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= header.keys()
     assert 900 <= len(BODY.split()) <= 1100
     keys = set(re.findall(r"@(\w+\d{4}|drake)", BODY))
-    entries = (ROOT / "paper" / header["bibliography"]).read_text(encoding="utf-8")
+    entries = (FOLDER / header["bibliography"]).read_text(encoding="utf-8")
     assert keys == set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE))
     figures = re.findall(r"\]\((\S+\.png)\)", BODY)
     assert len(figures) == 2 == BODY.count("\\autoref{fig:")
-    assert all((ROOT / "paper" / figure).exists() for figure in figures)
+    assert all((FOLDER / figure).exists() for figure in figures)
 
 
 @pytest.mark.parametrize(

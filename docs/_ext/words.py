@@ -62,7 +62,8 @@ def sentence(text: str, hit: re.Match[str]) -> str:
 
 
 if __name__ == "__main__":
-    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    written = sorted((ROOT / "docs").rglob("*.md"))
+    pages = [ROOT / "README.md", *(page for page in written if page.parent.name != "paper")]
     texts = {path: of_page(path.read_text(encoding="utf-8")) for path in pages}
     for path in sorted((ROOT / "tests" / "cli" / "help").glob("*.txt")):
         texts[path] = of_help(path.read_text(encoding="utf-8"))

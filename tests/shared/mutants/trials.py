@@ -46,7 +46,7 @@ WAIT = 900
 BROKEN = 70
 """What a child returns that could not even plant its fault."""
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[3]
 KNOWN = ROOT / "build" / "mutants"
 
 Done = Callable[[Mutant, str, str], None]

@@ -38,6 +38,8 @@ TESTS = (
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "analysis/test_shares.py",
+            "analysis/test_verdict.py",
+            "analysis/test_findings.py",
             "trust/test_input.py",
         )
     ),

@@ -1,7 +1,7 @@
 """Writes the errata of arXiv 2511.18800 from the documentation: errata.md, and a letter to print.
 
-``python paper/errata.py`` writes errata.md; with ``--pdf``, also errata.pdf, one page of US letter,
-which needs Chromium and the packages of the documentation.
+``python docs/paper/errata.py`` writes errata.md; with ``--pdf``, also errata.pdf, one page of US
+letter, which needs Chromium and the packages of the documentation.
 """
 
 import re
@@ -11,8 +11,8 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "docs" / "explanation" / "paper.md"
-FONT = HERE.parent / "docs" / "_static" / "stix-two-math-subset.woff2"
+PAGE = HERE.parent / "explanation" / "paper.md"
+FONT = HERE.parent / "_static" / "stix-two-math-subset.woff2"
 SECTIONS = "Theorem 6.2: four corrections", "Theorem 3.2", "A Morse function", "Other errata"
 HEAD = """# Errata of arXiv 2511.18800
 
