@@ -54,6 +54,9 @@ DIGITS, PLACES = 8, 6
 """Decimals of the numbers that models learn from, and of the points that they find best: a law in C
 rounds its last digits otherwise than the same law in Python, and is to find the same points."""
 
+NEAREST = 0.1
+"""Largest share of what is to be spent that a law may spend above it, if it cannot spend less."""
+
 FLOOR = 1e-9
 """Share of a positive bound, or of the largest objective, below which numbers count as so large."""
 
@@ -242,7 +245,7 @@ class ModelSearch:
         best = self.best()
         if best is not None and self.equal.any():
             best = yield from self._spending(best)
-        return Best(self.tried, best, ended)
+        return Best(self.tried, self._nearest() if best is None else best, ended)
 
     def best(self) -> int | None:
         """Return the best point that keeps the bounds, the first of equal ones; None without."""
@@ -253,6 +256,19 @@ class ModelSearch:
         if not good.any():
             return None
         return int(np.where(good, self.tried.costs, np.inf).argmin())
+
+    def _nearest(self) -> int | None:
+        """Return the point that comes nearest to what is to be spent, where none spends so little.
+
+        None where it is not within `NEAREST`, or another bound does not hold.
+        """
+        assert self.tried is not None
+        over = self.tried.excess(self.bounds)
+        good = (over <= np.where(self.equal, NEAREST, 0.0)).all(axis=1) & self.equal.any()
+        good &= (self.tried.lost <= self.allowed) & np.isfinite(self.tried.costs)
+        if not good.any():
+            return None
+        return int(np.where(good, over.max(axis=1, initial=0.0), np.inf).argmin())
 
     def _merit(self) -> Array:
         """Return how far points are from the best, also those beyond the bounds."""

@@ -305,7 +305,7 @@ def spending_table(result: Result, record: Record, write: Plain) -> TextTable:
                     write.text(law_title(law["label"])),
                     write.text(" to ".join(trained)),
                     write.text(f"{fixed(held[0], 3)}{ends}"),
-                    "yes" if spends(law, number, bound) else "spends less",
+                    "yes" if spends(law, number, bound) else "no",
                 ]
             )
         unit = write.unit(result.units(metric))
@@ -327,7 +327,7 @@ def spends(law: Record, number: int, bound: Record) -> bool:
 
 
 def unequal(record: Record) -> list[str]:
-    """Say which laws spend less than they should."""
+    """Say which laws do not spend what they should."""
     lines = []
     for number, bound in enumerate(record["constraints"]):
         if not bound["equal"]:
@@ -335,12 +335,16 @@ def unequal(record: Record) -> list[str]:
         for law in record["laws"]:
             measured = [x["measured"][number] for x in law["searches"] if x["label"] is not None]
             if measured and not spends(law, number, bound):
-                least, most = (fixed(x / bound["bound"], 2) for x in (min(measured), max(measured)))
-                share = least if least == most else f"{least} to {most}"
+                ends = [x / bound["bound"] for x in (min(measured), max(measured))]
+                share = " to ".join(dict.fromkeys(fixed(end, 2) for end in ends))
+                why = [
+                    "its error is no lower with more, or its ranges hold no gains that spend it"
+                ] * (ends[0] < 1 - EQUAL)
+                why += ["no gains in its ranges spend less"] * (ends[1] > 1 + EQUAL)
                 lines.append(
                     f"{law_title(law['label'])} spends {share} of {bound['metric']} "
-                    f"{bound['bound']:g}: its error is no lower with more, or its ranges hold no "
-                    "gains that spend it; it is compared at what it spends."
+                    f"{bound['bound']:g}: {'; on some samples '.join(why)}. It is compared at what "
+                    "it spends."
                 )
     return lines
 

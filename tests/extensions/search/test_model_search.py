@@ -111,6 +111,18 @@ def test_a_law_that_is_worse_with_more_spends_less():
     assert best.tried.measured[best.point, 0] < 0.8 * np.exp(1.6)
 
 
+@pytest.mark.parametrize(("least", "is_near"), [(1.05, True), (1.3, False)])
+def test_a_law_that_cannot_spend_so_little_comes_as_near_as_it_can(least, is_near):
+    def dear(shares):
+        x, y = shares.T
+        return 2 - x, least + (x - 0.3) ** 2 + (y - 0.6) ** 2
+
+    best, _ = found(dear, 2, equal(1.0), budget=40)
+    assert (best.point is not None) is is_near
+    if is_near:
+        assert best.tried.measured[best.point, 0] == pytest.approx(least, rel=1e-3)
+
+
 def test_points_where_all_runs_fail_teach_where_not_to_go():
     """Half of the square fails; the best point of the rest is on its edge."""
 

@@ -145,4 +145,7 @@ def test_a_law_that_spends_less_is_named():
     assert unequal(record) == []
     law["searches"][1]["measured"] = [40.0]
     [line] = unequal(record)
-    assert line.startswith("GT spends 0.80 to 1.00 of effort 50: ")
+    assert line.startswith("GT spends 0.80 to 1.00 of effort 50: its error is no lower with more")
+    law["searches"][1]["measured"] = [52.0]
+    [line] = unequal(record)
+    assert line.startswith("GT spends 1.00 to 1.04 of effort 50: no gains in its ranges spend less")
