@@ -119,8 +119,11 @@ CHUNK = 20_000
 _WITHOUT_UNIT = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\d+|V_\w+|Q\d\d+")
 """Names of eqt's columns without a unit."""
 
-_HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
-"""A name and a unit: ``angle (deg)``, ``t [ms]``; ``q[0]`` has none."""
+_UNIT = re.compile(r"\[(?!\d+\])[^\]]*\]|\((?!\d+\))[^)]*\)")
+"""A unit behind a name: ``(deg)``, ``[ms]``, but not ``[0]``."""
+
+MOST_UNIT = 100
+"""Most characters of a heading among which the unit is looked for, from the end."""
 
 
 @dataclass(frozen=True)
@@ -259,6 +262,7 @@ class Sheet:
         InputError
             With the line and the error.
         """
+        wanted = set(wanted)
         names = [name for name in self.names if name in wanted]
         self._require_widths()
         since, columns = 0.0, {}
@@ -288,7 +292,8 @@ class Sheet:
         return InputError(f"{self.name}:{number}: {message}")
 
     def _numbers(self, names: list[str]) -> Array:
-        places = [self.names.index(name) for name in names]
+        place_of = {name: place for place, name in enumerate(self.names)}
+        places = [place_of[name] for name in names]
         numbers = np.empty((len(self.lines), len(places)))
         options: Any = {"ndmin": 2, "quotechar": '"' if self.delimiter else None}
         for first in range(0, len(self.lines), CHUNK):
@@ -480,8 +485,10 @@ def _is_eqt_name(name: str) -> bool:
 
 def _heading(entry: str) -> tuple[str, str]:
     """Return the name and the unit of a heading."""
-    match = _HEADING.fullmatch(entry)
-    return (match[1], (match[2] or match[3] or "").strip()) if match else (entry, "")
+    for at in range(max(0, len(entry) - MOST_UNIT), len(entry)):  # "a (b) (m)" is a, in b) (m
+        if entry[at] in "([" and _UNIT.fullmatch(entry, at):
+            return entry[:at].rstrip(), entry[at + 1 : -1].strip()
+    return entry, ""
 
 
 def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence[int]]:

@@ -23,6 +23,7 @@ from eqt_cli.extensions.recordings.log_table import CONVERTED
 
 HEAD = 20_000  # characters that show the format of a text
 SAMPLED = 0.02  # s between rows that are taken of polynomials
+MOST_SAMPLED = 4000  # s that are sampled; 1 kB of memory for each row
 ORTHOGONAL = 1e-3  # largest error of RRᵀ of a rotation
 
 
@@ -204,7 +205,8 @@ def _iso(text: str, path: Path) -> str:
 
 def _aem(text: str, path: Path) -> str:
     """Read an attitude ephemeris; CCSDS 504.0-B-1 and B-2."""
-    keys = dict(re.findall(r"(?m)^\s*(\w+)\s*=\s*(.+?)\s*$", text))
+    pairs = (line.partition("=") for line in text.splitlines())
+    keys = {key.strip(): value.strip() for key, equals, value in pairs if equals}
     if not keys["ATTITUDE_TYPE"].startswith("QUATERNION") or text.count("META_START") > 1:
         raise InputError(f"{path}: expected one segment, of ATTITUDE_TYPE QUATERNION")
     rows = [line.split() for line in text.partition("DATA_START")[2].splitlines()]
@@ -218,7 +220,8 @@ def _aem(text: str, path: Path) -> str:
 
 def _stk(text: str, path: Path) -> str:
     """Read an attitude file of STK; help.agi.com, Attitude File Format (*.a)."""
-    [(kind, data)] = re.findall(r"(?si)AttitudeTime(\w+)\s+(.*?)END", text)
+    _, kind, rest = re.split(r"(?i)AttitudeTime(\w*)", text, maxsplit=1)
+    data, _ = re.split("(?i)END", rest, maxsplit=1)
     orders = dict.fromkeys(("quaternions", "quatangvels"), "qx,qy,qz,qw")
     orders["quatscalarfirst"] = "qw,qx,qy,qz"
     if kind.lower() not in orders:
@@ -229,7 +232,13 @@ def _stk(text: str, path: Path) -> str:
 def _polynomials(text: str, path: Path) -> str:
     """Sample x, y, z and yaw of pieces of degree 7; github.com/whoenig/uav_trajectories."""
     pieces = _numbers(text.splitlines()[1:], range(33))
+    for k in np.flatnonzero(~((pieces[:, 0] > 0) & (pieces[:, 0] < np.inf)))[:1]:
+        got = f"got {pieces[k, 0]:g}"
+        raise InputError(f"{path}: piece {k + 1}: expected a duration above 0 s, {got}")
     ends = np.r_[0.0, np.cumsum(pieces[:, 0])]
+    if ends[-1] > MOST_SAMPLED:
+        limit = f"expected pieces of {MOST_SAMPLED:,} s in all, or less, got {ends[-1]:.4g} s"
+        raise InputError(f"{path}: {limit}; cut the trajectory, or check the unit of duration")
     t = np.unique(np.r_[ends, np.arange(0.0, ends[-1], SAMPLED)])
     t = t[np.diff(t, prepend=-1.0) > SAMPLED / 100]
     piece = np.clip(np.searchsorted(ends, t, side="right") - 1, 0, len(pieces) - 1)

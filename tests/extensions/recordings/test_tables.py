@@ -1,6 +1,9 @@
 """Texts and bags that other programs write, against the motion that they were written from."""
 
 import re
+import time
+import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,7 @@ import pytest
 from case_tables import refusal
 
 import eqt_cli
-from eqt_cli.base.errors import EqtWarning, InputError
+from eqt_cli.base.errors import EqtError, EqtWarning, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.extensions.recordings.api import read_measured
 
@@ -236,3 +239,97 @@ def test_setpoints_of_betaflight_are_rates():
     Path("a.csv").write_text("\n".join([BLACKBOX.rpartition(", flags")[0], *lines, ""]))
     sizes = {one.axis: one.rms for one in eqt_cli.log_errors("a.csv").sizes}
     assert sizes == pytest.approx({"all": 5.0, "x": 3.0, "y": 4.0, "z": 0.0}, abs=1e-6)
+
+
+# Time and memory, of texts that are made to take much of them ------------------------------------
+
+WHOLE_AEM = """CCSDS_AEM_VERS = 1.0
+META_START
+REF_FRAME_A = EME2000
+REF_FRAME_B = SC_BODY_1
+ATTITUDE_DIR = A2B
+ATTITUDE_TYPE = QUATERNION
+META_STOP
+{}DATA_START
+2024-02-29T23:59:50 0 0 0 1
+2024-02-29T23:59:51 0 0 0 1
+DATA_STOP
+"""
+STK_HEAD = "stk.v.12.0\n\nBEGIN Attitude\n"
+POWERS = "duration," + ",".join(f"{a}^{k}" for a in ("x", "y", "z", "yaw") for k in range(8))
+PIECE = "\n{}" + ",0.1" * 32
+HOSTILE = {
+    "aem, blank lines": lambda n: WHOLE_AEM.format("\n" * n),
+    "aem, spaces in a value": lambda n: WHOLE_AEM.format(f"X = y{' ' * n}z\n"),
+    "aem, one word": lambda n: WHOLE_AEM.format("X" * n + "\n"),
+    "stk, heads": lambda n: STK_HEAD + "AttitudeTimeX " * (n // 14),
+    "stk, heads together": lambda n: STK_HEAD + "AttitudeTimeX" * (n // 13),
+    "stk, blocks": lambda n: "stk.v.12.0\n" + "BEGIN " * (n // 6),
+    "polynomials": lambda n: POWERS + PIECE.format(0.1) * (n // 130),
+    "csv, blank lines": lambda n: "t,x,y,z\n0,1,2,3\n" + "\n" * n + "1,1,2,3\n",
+    "csv, spaces in a heading": lambda n: f"t,x,y{' ' * n}(m),z\n0,1,2,3\n",
+    "csv, brackets in a heading": lambda n: f"t,x,y,z{'[(' * (n // 2)}\n0,1,2,3\n",
+    "csv, columns": lambda n: ",".join(f"n{k}" for k in range(n // 5)) + "\n0\n",
+    "csv, quotes": lambda n: "t,x,y,z\n" + '0,"1",2,3\n' * (n // 10),
+    "csv, empty cells": lambda n: "t,x,y,z\n" + "0,,,\n" * (n // 5),
+    "iso, commas": lambda n: "t,x\n" + "," * n + "2024-03-05T10:11\n",
+    "vicon, columns": lambda n: f"Objects\n9\n,a\nFrame,Sub Frame,{'TX,' * (n // 3)}\n,\n1,2\n",
+    "kitti, spaces": lambda n: "1 " * 11 + "1" + " " * n + "\n",
+    "blackbox, columns": lambda n: f"time (us),gyroADC[0],{'roll  ,' * (n // 7)}\n1,2\n",
+    "comments": lambda n: "# x\n" * (n // 4) + "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n",
+    "an open quote": lambda n: f't,x\n0,"{"a" * n}\n',
+    "one line": lambda n: "a" * n,
+}
+SIZE = 10_000
+"""Characters; a quadratic reader of the worst of these takes seconds for twice as many."""
+
+NOTHING = 0.05
+"""CPU time that is no matter, s; the noise of shorter ones is as large as they are."""
+
+
+def longer(text, size):
+    """Repeat the last line of numbers of a text."""
+    *before, last = (line for line in text.splitlines() if line)
+    while not any(letter.isdigit() for letter in last):
+        last = before.pop()
+    return "\n".join([*before, *[last] * (size // len(last))]) + "\n"
+
+
+MAKERS = HOSTILE | {
+    name: lambda n, text=text: longer(text, 10 * n) for name, (text, *_) in TEXTS.items()
+}
+
+
+def seconds(text):
+    """The least CPU time of three readings, s."""
+    Path("a.txt").write_text(text, encoding="utf-8")
+    spent = []
+    for _ in range(3):
+        begun = time.process_time()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with suppress(EqtError):
+                eqt_cli.check_log("a.txt")
+        spent.append(time.process_time() - begun)
+    return min(spent)
+
+
+@pytest.mark.ci("reads each format six times")
+@pytest.mark.parametrize("name", MAKERS)
+def test_time_is_linear_in_the_size(name):
+    one, two = seconds(MAKERS[name](SIZE)), seconds(MAKERS[name](2 * SIZE))
+    assert two < max(NOTHING, 3 * one)
+
+
+@pytest.mark.parametrize(
+    ("durations", "said"),
+    [
+        ((1.0, 0.0), "piece 2: expected a duration above 0 s, got 0"),
+        (("inf", 1.0), "piece 1: expected a duration above 0 s, got inf"),
+        ((1.0, 1e12), "expected pieces of 4,000 s in all, or less, got 1e+12 s"),
+    ],
+)
+def test_polynomials_that_would_fill_the_memory(durations, said):
+    """One row of 0.5 kB would give 5e13 rows."""
+    Path("p.csv").write_text(POWERS + "".join(map(PIECE.format, durations)), encoding="utf-8")
+    assert said in refusal(EqtError, eqt_cli.check_log, "p.csv")
