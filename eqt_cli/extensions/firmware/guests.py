@@ -308,8 +308,8 @@ class Pool:
             while True:
                 views = guest.views(arrays)
                 guest.row[1], guest.row[2], guest.times[3] = len(arrays[0]), begins, period
-                for view, array in zip(views[:3], arrays, strict=False):
-                    view[...] = array
+                for view, array in zip(views, arrays, strict=True):
+                    view[...] = array  # of outcomes, too, to which calls add
                 views[2][[*calls.lost]] = np.nan
                 try:
                     guest.exchange(b".")
