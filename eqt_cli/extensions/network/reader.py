@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache, partial, reduce
+from functools import cache, lru_cache, partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -28,6 +28,15 @@ MOST_STEPS = 1000
 
 MOST_AXES = 16
 """Most axes of an array."""
+
+MOST_WORK = 10_000_000_000
+"""Most operations on numbers by which a file is read: some seconds."""
+
+PER_CALL = 100_000
+"""So many of them take as long as the evaluator of onnx takes to begin, 0.1 ms."""
+
+PER_NUMBER = 10
+"""So many take as long as to read or write one number of an array."""
 
 Operand = str | list[float]
 """The name of a vector, or numbers."""
@@ -166,11 +175,11 @@ class Built:
 
     def add(self, op: str, of: Sequence[Operand], length: int, **numbers: Any) -> str:
         """Add an operation, and return the name of its output."""
-        self._numbers += sum(np.size(value) for value in (*numbers.values(), *of))
+        self._numbers += length + sum(np.size(value) for value in (*numbers.values(), *of))
         if len(self.steps) >= MOST_STEPS or self._numbers > MOST_NUMBERS:
             raise InputError(
-                f"{self.name}: expected at most {MOST_STEPS} operations and {MOST_NUMBERS:,} "
-                "numbers"
+                f"{self.name}: expected at most {MOST_STEPS} operations, and {MOST_NUMBERS:,} "
+                "numbers that it holds and computes"
             )
         name = f"t{len(self.steps)}"
         self.steps.append({"op": op, "out": name, "of": list(of)} | numbers)
@@ -207,7 +216,7 @@ class Built:
         places = np.asarray(places)
         if not len(places) or places.dtype.kind not in "iu":
             self.refuse("an operation without numbers")
-        if min(places) < 0 or max(places) >= sum(sizes):
+        if places.min() < 0 or places.max() >= sum(sizes):
             self.refuse("places outside of a vector")
         if not any(isinstance(x, str) for x in of):
             return np.concatenate([*map(np.asarray, of)])[places].tolist()
@@ -373,6 +382,8 @@ def of_onnx(made: bytes, path: Path) -> Built:
     except Exception as error:
         raise InputError(f"{path.name}: is not an ONNX file: {error}") from error
     try:
+        if _nodes_of(model, onnx) > MOST_NODES:
+            raise ValueError(f"more than {MOST_NODES:,} with those of its functions")
         model = onnx.inliner.inline_local_functions(model)
         for _ in range(3):  # functions of functions
             others = {node.op_type for node in model.graph.node if not node.domain}
@@ -385,7 +396,38 @@ def of_onnx(made: bytes, path: Path) -> Built:
             model = onnx.inliner.inline_selected_functions(model, names, False, True)
     except Exception as error:
         raise InputError(f"{path.name}: has operations that do not fit: {error}") from error
-    return _OfGraph(model, path, onnx).built
+    try:
+        return _OfGraph(model, path, onnx).built
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file may make onnx raise anything
+        words = f"{type(error).__name__}: {error}"
+        raise InputError(f"{path.name}: has what onnx cannot read: {words}") from error
+
+
+MOST_NODES = 10 * MOST_STEPS
+"""Most operations in a file, of which some may lead to no output."""
+
+
+def _nodes_of(model: Any, onnx: Any) -> int:
+    """Return how many nodes a model has once its functions stand where they are called."""
+    functions = {(each.domain, each.name): each.node for each in model.functions}
+
+    @cache
+    def size_of(key: tuple[str, str]) -> int:
+        return count(functions[key])  # of one that calls itself, Python gives up
+
+    def count(nodes: Any) -> int:
+        total = 0
+        for node in nodes:
+            key = node.domain, node.op_type
+            total += size_of(key) if key in functions else 1
+            for option in node.attribute:
+                graphs = [option.g] if option.HasField("g") else option.graphs
+                total += sum(count(graph.node) for graph in graphs)
+        return total
+
+    return count(model.graph.node)
 
 
 class _Value(NamedTuple):
@@ -400,7 +442,7 @@ class _OfGraph:
 
     def __init__(self, model: Any, path: Path, onnx: Any) -> None:
         self.path, self.name, self.onnx, graph = path, path.name, onnx, model.graph
-        self.opsets, self.beside = model.opset_import, dict[str, bytes]()
+        self.opsets, self.beside, self.work = model.opset_import, dict[str, bytes](), 0
         self.built = built = Built(path.name)
         self.values: dict[str, Any] = {
             array.name: self._array(array) for array in graph.initializer
@@ -436,7 +478,7 @@ class _OfGraph:
             if wanted.intersection(node.output):
                 wanted.update(node.input)
                 chosen.append(node)
-        if len(chosen) > 10 * MOST_STEPS:
+        if len(chosen) > MOST_NODES:
             self.built.refuse(f"{len(chosen):,} operations")
         return chosen[::-1]
 
@@ -531,7 +573,9 @@ class _OfGraph:
         def evaluate(values: list[Any]) -> list[Any]:
             arrays = {x: np.asarray(v) for x, v in zip(names, values, strict=True) if x}
             try:
-                self._check_size(model, arrays)
+                sizes = [array.size for array in arrays.values()]
+                self._count(PER_CALL + PER_NUMBER * (sum(sizes) + self._made(model, arrays)))
+                self._count(_products(node, [*arrays.values()]))
                 outputs = iter(run(None, arrays))
             except Exception as error:
                 raise InputError(f"has {node.op_type} that does not fit: {error}") from error
@@ -539,8 +583,14 @@ class _OfGraph:
 
         return evaluate
 
-    def _check_size(self, model: Any, arrays: Mapping[str, Array]) -> None:
-        """Raise an `InputError` before a node makes more numbers than a network may have."""
+    def _count(self, work: int) -> None:
+        """Raise an `InputError` before a file takes more operations than one may."""
+        self.work += work
+        if self.work > MOST_WORK:
+            raise InputError(f"it takes more than {MOST_WORK:,} operations to read the file")
+
+    def _made(self, model: Any, arrays: Mapping[str, Array]) -> int:
+        """Return how many numbers a node makes; raise an `InputError` if it may make too many."""
         sized, make = self.onnx.ModelProto(), self.onnx.helper
         sized.CopyFrom(model)
         for value in sized.graph.input:
@@ -550,11 +600,18 @@ class _OfGraph:
             if array.size <= MOST_AXES:  # it may be a shape
                 tensor = self.onnx.numpy_helper.from_array(array, value.name)
                 sized.graph.initializer.append(tensor)
-        shapes = self.onnx.shape_inference.infer_shapes(sized, data_prop=True).graph.output
-        for value in shapes:
-            size = np.prod([x.dim_value for x in value.type.tensor_type.shape.dim], dtype=object)
+        if model.graph.node[0].op_type in OPERATIONS["sized"] and any(
+            array.size > MOST_AXES for array in [*arrays.values()][-1:]
+        ):
+            raise InputError(f"it makes an array of more than {MOST_AXES} axes")
+        shapes, total = self.onnx.shape_inference.infer_shapes(sized), 0
+        for value in shapes.graph.output:
+            dims = [x.dim_value for x in value.type.tensor_type.shape.dim]
+            size = int(np.prod(dims, dtype=object))
             if size > MOST_NUMBERS:
                 raise InputError(f"it makes {size:,} numbers, and {MOST_NUMBERS:,} are allowed")
+            total += size
+        return total
 
     def _cast(self, node: Any, values: list[Any], options: Mapping[str, Any]) -> list[Any]:
         """Numbers keep their value in another real type; a number other than 0 is true."""
@@ -622,7 +679,12 @@ class _OfGraph:
         if rows and x.shape[-1] == n and not options.get("transA"):
             W = at(np.eye(n)) - zero.ravel()  # each row of its input has a row of its output
         else:
-            W = np.array([(at(e.reshape(x.shape)) - zero).ravel() for e in np.eye(n)])
+            unit, columns = np.zeros(n), list[Array]()
+            for k_th in range(n):
+                unit[k_th] = 1.0
+                columns.append((at(unit.reshape(x.shape)) - zero).ravel())
+                unit[k_th] = 0.0
+            W = np.array(columns)
         return [_Value(self.built.affine(x.of, W.T, zero.ravel()), zero.shape)]
 
     def _entry(self, op: str, *values: Any, **numbers: float) -> _Value:
@@ -633,6 +695,8 @@ class _OfGraph:
         except ValueError as error:
             raise InputError(f"has {op} that does not fit: {error}") from error
         operands = list[Operand]()
+        if np.prod(shape, dtype=object) > MOST_NUMBERS:
+            self.built.refuse(f"{op} of {np.prod(shape, dtype=object):,} numbers")
         for value, before in zip(values, shapes, strict=True):
             of = value.of if isinstance(value, _Value) else _numbers(value, self.name)
             size = int(np.prod(before, dtype=int))
@@ -648,6 +712,9 @@ class _OfGraph:
         sign = 1 if node.op_type == "ReduceMax" else -1
         places, columns = np.arange(size, dtype=float).reshape(values[0].shape), []
         left = places.copy()
+        one = evaluate([places, *values[1:]])[0].size
+        if size // max(one, 1) * size > SORTED:
+            self.built.refuse(f"{node.op_type} of {size:,} numbers to {one:,}")
         while np.isfinite(left).any():  # the last place of each, then the one before it, …
             last = evaluate([sign * left, *values[1:]])[0] * sign
             columns.append(last)
@@ -695,6 +762,31 @@ class _OfGraph:
         whole = (1, steps, 1, size) if layout else (steps, 1, 1, size)
         last = [_Value(state, (1, 1, size)) for state in (h, c)]
         return [_Value(built.placed(rows, np.arange(size * steps)), whole), *last]
+
+
+SORTED = 100_000_000
+"""Most numbers among which those of columns are looked for, in all."""
+
+
+def _products(node: Any, arrays: Sequence[Array]) -> int:
+    """Return how many products a node sums up; 0 of one that sums up none."""
+    shapes, op = [array.shape for array in arrays], node.op_type
+    if op == "Einsum":
+        texts = [option.s.decode() for option in node.attribute if option.name == "equation"]
+        operands = re.sub(r"\s|->.*", "", texts[0]).split(",")
+        lengths = dict[str, int]()
+        for letters, shape in zip(operands, shapes, strict=False):
+            if "." in letters:  # of any axes
+                return int(np.prod([array.size for array in arrays], dtype=object))
+            lengths |= zip(letters, shape, strict=True)
+        return int(np.prod([*lengths.values()], dtype=object))
+    if op in ("MatMul", "Gemm"):  # at most as many as the rows of one with all of the other
+        return min(
+            arrays[0].size * max(shapes[1], default=1), arrays[1].size * max(shapes[0], default=1)
+        )
+    if op == "Conv":
+        return arrays[0].size * arrays[1].size
+    return 0
 
 
 def _numbers(array: Any, name: str) -> list[float]:
