@@ -663,6 +663,8 @@ def _chosen(program: Program) -> dict[int, tuple[int, int, bool, bool]]:
 class ArrayProgram:
     """A program as NumPy calls: an operation for all runs each, in arrays that stay.
 
+    It has no loops: those of estimators are taken at instants, which are not evaluated by it.
+
     Attributes
     ----------
     inputs : (length, runs) each
@@ -678,20 +680,12 @@ class ArrayProgram:
         self._calls: list[tuple[Callable[..., Any], list[Array]]] = []
         places: list[int] = []
         rows: list[Array] = []
-        loops: dict[int, _Repeated] = {}
         for place, value in enumerate(program.values, start=sum(lengths.values())):
             if isinstance(value, Input):
                 place = starts[value.group] + value.number
             row = self._arrays[place]
             if isinstance(value, Constant):
                 row.fill(value.number)
-            elif isinstance(value, Operation) and value.name == "loop":
-                repeat = _Repeated(value.of, [rows[operand] for operand in value.operands])
-                self._calls.append((repeat, []))
-                loops[place] = repeat
-            elif isinstance(value, Operation) and value.name == "result":
-                row = loops[places[value.operands[0]]].results[value.of]
-                self._calls.append((np.copyto, [self._arrays[place], row]))
             elif isinstance(value, Operation):
                 if value.name in COMPARISONS:
                     row = np.empty(runs, dtype=bool)
@@ -712,38 +706,6 @@ class ArrayProgram:
             name: self._arrays[places].reshape(*shape, -1)
             for name, (shape, places) in self._outputs.items()
         }
-
-
-class _Repeated:
-    """A loop as NumPy calls; `results` are rows that it fills in."""
-
-    def __init__(self, loop: Loop, operands: list[Array]) -> None:
-        self._program = ArrayProgram(loop.program, len(operands[0]))
-        carried, row, shared = (length for _, length in loop.program.inputs)
-        cuts = [carried, carried + row * loop.rows]
-        self._start, self._rows, self._shared = (
-            operands[: cuts[0]],
-            operands[cuts[0] : cuts[1]],
-            operands[cuts[1] :],
-        )
-        assert len(self._shared) == shared
-        self._loop, length = loop, loop.program.outputs[0].shape[0]
-        self.results = np.empty((2 * length, len(operands[0])))
-
-    def __call__(self) -> None:
-        inputs, width = self._program.inputs, len(self._program.inputs["row"])
-        for group, rows in (("carried", self._start), ("shared", self._shared)):
-            for to, row in zip(inputs[group], rows, strict=True):
-                to[:] = row
-        first, last = np.split(self.results, 2)
-        for step in range(self._loop.rows):
-            here = self._rows[step * width : (step + 1) * width]
-            for to, row in zip(inputs["row"], here, strict=True):
-                to[:] = row
-            last[:] = self._program()["after"]
-            inputs["carried"][:] = last[: len(self._start)]
-            if step == 0:
-                first[:] = last
 
 
 def _select(condition: Array, a: Array, b: Array, out: Array) -> None:
