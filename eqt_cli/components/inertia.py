@@ -50,7 +50,12 @@ class InertiaLaw(ABC):
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece, and of short pulses."""
-        return np.empty(0)
+        return instants_of(self.expressions, until)
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """The expressions in t."""
+        return []
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with a new function of time for each of its expressions."""
@@ -143,9 +148,10 @@ class FactoredInertia(InertiaLaw):
         S = self.factor_at(t)
         return transpose(S) @ self.initial @ S
 
-    def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return those of S."""
-        return instants_of(chain(*self.factor), until)
+    @property
+    def expressions(self) -> list[Expression]:
+        """Those of S."""
+        return [*chain(*self.factor)]
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with any factor."""
@@ -176,9 +182,10 @@ class PrescribedInertia(InertiaLaw):
         """𝕀_t without its inverse, so that it may be singular."""
         return _matrix_and_rate(self.matrix, t)[0]
 
-    def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return those of 𝕀."""
-        return instants_of(chain(*self.matrix), until)
+    @property
+    def expressions(self) -> list[Expression]:
+        """Those of 𝕀."""
+        return [*chain(*self.matrix)]
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with any symmetric matrix."""

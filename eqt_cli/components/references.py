@@ -452,7 +452,12 @@ class PathReference(ClosedReference):
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
-        return instants_of([factor.expression for factor in self.factors], until)
+        return instants_of(self.expressions, until)
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """The displacements, parsed."""
+        return [factor.expression for factor in self.factors]
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid pose, axis or expression, and missing factors."""

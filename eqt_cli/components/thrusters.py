@@ -528,6 +528,11 @@ class Thrusters(Solving, Running):
         """Return the time of the failure, and those at which the expression changes its piece."""
         return instants_of(self.over_time, until)
 
+    @property
+    def expressions(self) -> Any:
+        """The share of all thrusts, and the failure, over time."""
+        return self.over_time
+
     def at(self, s: Any, stored: Any = None) -> Self:
         """Return the thrusters with the shares, and the allocation, at a time."""
         if not self.over_time:

@@ -29,7 +29,7 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.expressions import formula
+from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
@@ -633,7 +633,7 @@ class Magnetorquers(Actuator):
     def in_space(self, t: Any) -> Array:
         """Return B_s, T, ``(..., 3)``."""
         if self.flux:
-            return stack([formula(each).evaluate({"t": t}) for each in self.flux])
+            return stack([each.evaluate({"t": t}) for each in self.expressions])
         angles = self.rates * column(t)
         c, s = cos(angles), sin(angles)
         r = stack([c[..., 0], s[..., 0], 0.0 * c[..., 0]])
@@ -652,7 +652,12 @@ class Magnetorquers(Actuator):
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
-        return instants_of(map(formula, self.flux or ()), until)
+        return instants_of(self.expressions, until)
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """The field over time, parsed; empty in an orbit."""
+        return [formula(each) for each in self.flux or ()]
 
     def dipoles(self, command: Array) -> tuple[Array, Array, Array]:
         """Return B, the dipole that is asked for, and what the limit leaves of it, ``(..., 3)``."""

@@ -51,7 +51,7 @@ from eqt_cli.config.schema import Config, GainsSection, InitialSection
 from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
 from eqt_cli.engines.engine import Engine
-from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, reference_over_horizon
+from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, missed, reference_over_horizon
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
@@ -457,21 +457,26 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     if metrics_of_runs := _metrics_of(config, plugins, loops.values(), problems):
         config = config.model_copy(update={"metrics": metrics_of_runs})
     problems.raise_if_any()
-    _check_instants(next(iter(loops.values())), config.time.duration, problems)
+    _check_instants(
+        next(iter(loops.values())), config.time.duration, config.solver.engine.rtol, problems
+    )
     problems.raise_if_any()
     texts = plugins | dict(ChainMap(*(law.code for law in laws.values())))
     document = replace(document, home=replace(home, plugins=texts, trusted=True))
     return Experiment(config, G, laws, loops, desired, start, config.solver, document)
 
 
-def _check_instants(loop: ClosedLoop, until: float, problems: Problems) -> None:
-    """Note expressions that change their piece too often."""
+def _check_instants(loop: ClosedLoop, until: float, rtol: float, problems: Problems) -> None:
+    """Note expressions that change their piece too often, and of which steps lose something."""
     parts = {part.path: part.part for part in parts_of(loop) if not part.is_foreign}
     parts |= {("model", "forces", k): force for k, force in enumerate(loop.known_forces)}
     for path, part in (parts | {("inertia",): loop.inertia}).items():
         if hasattr(part, "instants"):
             with problems.at(*path).catching():
                 part.instants(loop.group, until)
+                for expression in filter(None, getattr(part, "expressions", ())):
+                    if lost := missed(expression, until, rtol):
+                        problems.at(*path).add(lost)
 
 
 def _validated(

@@ -2,16 +2,19 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.base.errors import Problems
+from eqt_cli.base.expressions import Expression, shortened
 from eqt_cli.base.stored import Status
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.engines.engine import Problem, together
-from eqt_cli.engines.solve_ivp import SolveIvp, solve
+from eqt_cli.engines.solve_ivp import SolveIvp, coefficients, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
+from eqt_cli.numbers.instants import bounds_of_integral, instants_of
 
 RTOL = 1e-8
 """Relative tolerance for the integration of a reference."""
@@ -157,6 +160,49 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
         remarks.append(f"checked until {until}")
     return remarks
+
+
+STEPS = 64
+"""Least number of steps over a horizon: what is longer than such a step is no short pulse."""
+
+
+@lru_cache(maxsize=1024)  # the points of a sweep have mostly the same expressions
+def missed(expression: Expression, until: float, rtol: float) -> str:
+    """Say what DOP853 would lose of an expression with steps that end at its instants.
+
+    Its steps are the longest ones that the tolerance allows. Their sum is compared with bounds of
+    the integral by intervals, which overlook nothing.
+    """
+    instants = instants_of([expression], until)
+    bounds = bounds_of_integral(expression, until) if len(instants) else None
+    if bounds is None:
+        return ""
+    ends, *sides = together(instants, np.array([0.0, until]))
+    inner = (ends > 0) & (ends < until)
+    before, after = (np.nextafter(*each) for each in zip(sides, (-np.inf, np.inf), strict=True))
+    starts, stops = np.append(0.0, after[inner]), np.append(before[inner], until)
+    counts = np.maximum(1, np.ceil((stops - starts) * STEPS / until)).astype(int)
+    parts = [np.linspace(*each) for each in zip(starts, stops, counts + 1, strict=True)]
+    low, high = (np.concatenate([part[side] for part in parts]) for side in (np.s_[:-1], np.s_[1:]))
+    weights, added, (least, most, size) = coefficients(), 0.0, bounds
+    with np.errstate(all="ignore"):
+        while len(low):
+            h = high - low
+            slopes = expression.evaluate({"t": low[:, None] + h[:, None] * weights["c"]})
+            fifth, third = (slopes @ weights[f"ERROR_{n}"][0] for n in (5, 3))
+            error = h * fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2)
+            large = (np.abs(error) > rtol * size) & (h > 1e-12 * until)
+            added += float((h * (slopes @ weights["STEP"][0]))[~large].sum())
+            low, middle, high = low[large], (low[large] + high[large]) / 2, high[large]
+            low, high = np.append(low, middle), np.append(middle, high)
+    allowed = JUMP * size + LEAST_JUMP * until
+    if not (added < least - allowed or added > most + allowed):  # NaN is found elsewhere
+        return ""
+    return (
+        f"'{shortened(expression.text)}' has pulses that steps miss: they would add {added:.6g} "
+        f"until t = {until:g} s, and its integral is {(least + most) / 2:.6g}; write the pulses "
+        "with pulse(t, period, from, to), or split the horizon"
+    )
 
 
 def _listed(instants: list[str]) -> str:

@@ -417,8 +417,23 @@ def _steep(expression: Expression, ends: set[float], until: float) -> Iterator[f
                 yield from (t for t in (first, (first + last) / 2, last) if 0 < t < until)
 
 
+def bounds_of_integral(expression: Expression, until: float) -> tuple[float, float, float] | None:
+    """Return bounds of the integral from 0, and the integral of the size; None if unknown."""
+    ends = {t for t in instants(expression, until) if 0 < t < until}
+    with np.errstate(all="ignore"):
+        low, high, _ = _smooth_parts(expression, ends, until, SMOOTH / 5)
+        jet = series(expression, {"t": Interval(low, high)}, 1)
+        value, rate = (Interval.of(x, low.shape) for x in (jet.value, jet.derivative(1)))
+        length, middle = high - low, expression.evaluate({"t": (low + high) / 2})
+        # ∫ (f(m) + r (t − m)) with a rate r between bounds, or f between bounds
+        spread = np.fmin((value.high - value.low) / 2, (rate.high - rate.low) * length / 8) * length
+        total, error, size = ((middle * length).sum(), spread.sum(), np.abs(middle * length).sum())
+    known = len(low) and np.isfinite([total, error, size]).all()
+    return (float(total - error), float(total + error), float(size)) if known else None
+
+
 def _smooth_parts(
-    expression: Expression, ends: set[float], until: float
+    expression: Expression, ends: set[float], until: float, smooth: float = SMOOTH
 ) -> tuple[Array, Array, Array]:
     """Return parts of the horizon, in order, in which an expression changes little.
 
@@ -435,9 +450,9 @@ def _smooth_parts(
         least, most = there.min(initial=least), there.max(initial=most)
         by_rate = (high - low) * np.maximum(-rate.low, rate.high)
         change = np.fmin(value.high - value.low, by_rate)
-        rough = (change > SMOOTH * (most - least)) & (high - low > FINEST * until)
-        smooth = [x[~rough] for x in (low, high, change)]
-        parts = np.concatenate([parts, smooth], axis=1)
+        rough = (change > smooth * (most - least)) & (high - low > FINEST * until)
+        done = [x[~rough] for x in (low, high, change)]
+        parts = np.concatenate([parts, done], axis=1)
         low, middle, high = low[rough], middle[rough], high[rough]
         if 2 * len(low) + parts.shape[1] > MOST_PARTS // 4:
             return low[:0], low[:0], low[:0]

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from small_loops import closed_loop
 
+from eqt_cli.base.expressions import parse
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.references import TorqueReference
+from eqt_cli.engines import horizon
 from eqt_cli.engines.engine import Problem, Status
-from eqt_cli.engines.horizon import check_reference, reference_over_horizon
+from eqt_cli.engines.horizon import check_reference, missed, reference_over_horizon
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ReferenceSystem
+from eqt_cli.numbers.instants import bounds_of_integral, instants
 
 STOP = 105.0  # fifteen periods of 7 s
 
@@ -90,3 +93,24 @@ def test_many_jumps_are_counted():
     shown = reference_over_horizon(loop, start, np.linspace(0.0, 100.0, 5))
     [remark] = check_reference(shown, None, None)
     assert remark.endswith("t = 0.5, 1, 2.5, 3, …, 99 (100 times) s")
+
+
+@pytest.mark.parametrize("text", [*SHARES, "exp(-((t - 3)/1e-5)**2)", "sin(t) + step(t, 5)"])
+def test_what_steps_add_is_the_integral(text):
+    assert missed(parse(text), STOP, 1e-9) == ""
+    if SHARES.get(text):
+        low, high, size = bounds_of_integral(parse(text), STOP)
+        assert low - 1e-9 <= SHARES[text] * STOP <= high + 1e-9
+        assert high - low < 3e-3 * size
+
+
+def test_a_lost_pulse_is_an_error_with_both_integrals(monkeypatch):
+    """If the search did not see them: pulses of 1 ms, and steps of 1.6 s."""
+    text = "pulse(t, 7, 3, 3.001) + step(t, 50)"
+    known = instants(parse(text), STOP)
+    monkeypatch.setattr(horizon, "instants_of", lambda *_: np.array([50.0]))
+    missed.cache_clear()
+    said = missed(parse(text), STOP, 1e-9)
+    missed.cache_clear()
+    assert len(known) > 30
+    assert "would add 55 until t = 105 s, and its integral is 55.015" in said

@@ -39,8 +39,8 @@ def needed(text: str, header: str) -> str:
 
     Names that the text defines itself are left out.
     """
-    own = set(defined(text))
-    units = [unit for unit in _units(header) if not own.intersection(defined(unit))]
+    in_text = set(defined(text))
+    units = [unit for unit in _units(header) if not in_text.intersection(defined(unit))]
     wanted = set(_NAME.findall(text))
     chosen: set[int] = set()
     for index in reversed(range(len(units))):  # definitions stand before their use
