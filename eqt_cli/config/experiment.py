@@ -638,7 +638,7 @@ def with_model(
             of_law = of_law._replace(actuators=_known(G, flown), vehicle=flown)
             laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
         takes = next((a.takes for a in flown.actuators if a.takes != "torque"), "torque")
-        commands = entry.law.commands
+        commands = laws[label].law.commands
         if commands and commands != takes:
             which = takes if commands == "torque" else commands
             put = f"only {TAKEN_BY[which]} takes {which}"

@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
+from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.laws import Designed, OuterLoop, controllers
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.firmware.code_evidence import (
@@ -355,6 +356,9 @@ def _unclaimed(judged: Judged) -> Row:
     """Compare code that claims nothing with the shipped law that is nearest."""
     loop, states, real = judged.loop, judged.states, judged.law.code.real
     torque, _ = loop.answer(*states, loop.period)
+    if loop.controller.commands == THRUSTS:
+        words = ["it commands thrusts, as no law of eqt does; compare the torque before its mixer"]
+        return judged.row("torque of the law", Verdict.UNCLAIMED, words)
     if loop.controller.reads_flat_output or not np.isfinite(torque).all(axis=1).any():
         words = ["name the law that it claims to be with `as`"]
         return judged.row("torque of the law", Verdict.UNCLAIMED, words)

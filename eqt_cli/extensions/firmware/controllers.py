@@ -14,9 +14,11 @@ from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import EqtError, InputError, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
+from eqt_cli.base.stored import THRUSTER
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components import matrix_groups
+from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.derived import coordinates_of
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -154,7 +156,7 @@ class Signal:
 
     def torque_of(self, s: Tracking, returned: Array) -> Array:
         """Return the torque in the body frame, ``(..., m)``."""
-        back = returned.reshape(s.P.shape) / self.factor
+        back = returned / self.factor
         torque = turned(s.G, LawInput.of(s), back, self.frame or "body", "body")
         return s.inertia.momentum(torque) if self.per else torque
 
@@ -162,6 +164,72 @@ class Signal:
         """Return what code returns for a torque; inverts `torque_of`."""
         back = s.inertia.velocity(torque) if self.per else torque
         return self.factor * turned(s.G, LawInput.of(s), back, "body", self.frame)
+
+
+@dataclass(frozen=True)
+class Output(Signal):
+    """What code returns: a torque, some of its directions, or thrusts of rotors.
+
+    Attributes
+    ----------
+    as_
+        rotors: thrusts, which go to the rotors as they are, within their limits.
+    order
+        Names of what it returns, in order: directions, as `torque x`, of which the others are 0;
+        of rotors, their names in `actuators`, or their numbers from 1. Default: all directions.
+    thrust
+        Of rotors, [c₀, c₁, c₂]: the thrust is c₀ + c₁ y + c₂ y², N, of a number y.
+    """
+
+    as_: Literal["matrix", "rotors"] = "matrix"  # type: ignore[assignment]
+    order: list[str | int] | None = None
+    thrust: list[Real] | None = None
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note directions that are unknown or twice there, and keys of rotors alone."""
+        is_rotors, order = self.as_ == "rotors", self.order or []
+        if is_rotors and not order:
+            problems.at("order").add("missing; name the rotors in the order of the output")
+        for index, name in enumerate(order):
+            if not is_rotors and name not in G.directions:
+                expected = f"expected one of {', '.join(G.directions)}"
+                problems.at("order", index).add(f"{expected}, got {shown(name)}")
+            elif name in order[:index]:
+                problems.at("order", index).add(f"{shown(name)} is named twice")
+        if self.thrust is not None and (not is_rotors or len(self.thrust) != 3):
+            problems.at("thrust").add("expected [c0, c1, c2], with as: rotors")
+        if order and (self.frame or self.per):
+            problems.add("frame and per apply to a whole torque; remove them, or order")
+
+    def matrix(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Array | None:
+        """Return the matrix from what it returns to the command; None for 1."""
+        if self.order is None:
+            return None
+        if self.as_ != "rotors":
+            return np.eye(G.dimension)[:, [G.directions.index(str(name)) for name in self.order]]
+        parts = (each.members[THRUSTER] for each in plant.actuators if THRUSTER in each.members)
+        rotors = next(parts, ())
+        known = {**dict(enumerate(rotors, 1)), **dict(zip(rotors, rotors, strict=True))}
+        if not rotors:
+            problems.add("as: rotors, and actuators has no thrusters")
+        for index, name in enumerate(self.order if rotors else ()):
+            if name not in known:
+                expected = f"expected one of {', '.join(rotors)}, or their numbers"
+                problems.at("order", index).add(f"{expected}, got {shown(name)}")
+        if not problems and len({known[name] for name in self.order}) < len(rotors):
+            problems.at("order").add(f"expected each of {', '.join(rotors)} once")
+        if problems:
+            return None
+        places = [G.dimension + rotors.index(known[name]) for name in self.order]
+        return np.eye(G.dimension + len(rotors))[:, places]
+
+    def thrusts(self, values: Array) -> Array:
+        """Return the thrusts of rotors, N."""
+        y = values / self.factor
+        if self.thrust is None:
+            return y
+        c0, c1, c2 = self.thrust
+        return c0 + (c1 + c2 * y) * y
 
 
 def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None) -> Array:
@@ -183,15 +251,15 @@ class Adapter:
     Attributes
     ----------
     inputs
-        Each name with its `Signal`.
+        Each name with its `Signal`. Default: those of code without an adapter.
     call
         In Python, the call as an expression, with the inputs, the numbers and `self`.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
-    inputs: dict[str, Signal]
-    output: Signal = Signal()
+    inputs: dict[str, Signal] = field(default_factory=dict)
+    output: Output = Output()
     call: str | None = None
 
     def entries(self, G: MatrixLieGroup, known: Mapping[str, str]) -> Iterator[Entry]:
@@ -213,6 +281,8 @@ def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | Non
     at = Problems(lambda _: os.fspath(file))
     data = load(text_of(Path(file), "it is an adapter", InputError), str(file)).data
     law: Code = Kind(controllers).checked({"kind": "code", "file": "law", "adapter": data}, at, G)
+    if not at and law.adapter and law.adapter.output.order:
+        at.at("adapter", "output", "order").add("is for laws that fly; export all of a torque")
     at.raise_if_any()
     return law.adapter
 
@@ -267,7 +337,8 @@ class Code(_Numbers, RunsCode, Previews):
         names.
     adapter
         The code's conventions: `inputs` (each with `signal`, `as`, `frame`, `unit`, `scale`,
-        `sign`), `output` and, in Python, `call`.
+        `sign`), `output` and, in Python, `call`. An output `{as: rotors, order: [1, 2, 3, 4]}` is
+        thrusts, `{order: [force z, torque x]}` these directions.
     as_
         The law that it should implement: a kind, or a mapping with `kind` and options.
     numbers
@@ -287,7 +358,6 @@ class Code(_Numbers, RunsCode, Previews):
     """
 
     name: ClassVar[str] = "code"
-    commands: ClassVar[str] = ""  # the code does not say
 
     file: str
     function: str | None = None
@@ -305,6 +375,12 @@ class Code(_Numbers, RunsCode, Previews):
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     holds: bool = field(init=False, default=False, repr=False, metadata=STRUCTURE)
     flies: bool = field(init=False, default=True, repr=False, metadata=STRUCTURE)
+    placed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+
+    @property
+    def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """Thrusts of rotors; otherwise the code does not say."""
+        return THRUSTS if self._adapted.output.as_ == "rotors" else ""
 
     @property
     def structure(self) -> Hashable:
@@ -322,6 +398,7 @@ class Code(_Numbers, RunsCode, Previews):
             _check_name(name, problems.at("adapter", "inputs", name))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
+        self._adapted.output.check(G, problems.at("adapter", "output"))
         self._check_calls(problems)
         if self._casadi:
             _check_name(self.prefix, problems.at("function"))
@@ -343,6 +420,8 @@ class Code(_Numbers, RunsCode, Previews):
 
     def _check_calls(self, problems: Problems) -> None:
         """Note options of memory and failures that exclude each other."""
+        if self._adapted.output.order and self.as_ is not None:
+            problems.at("as").add("needs code that returns a whole torque; leave this or order out")
         if self.object_ and self.memory_:
             problems.at("memory").add("the object of a run keeps all that it has; leave this out")
         if self.object_ and not self.code.is_python:
@@ -401,7 +480,8 @@ class Code(_Numbers, RunsCode, Previews):
             reads = self._adapted.inputs.items()
             shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
-            of_group |= {"steps": steps, "casadi": self._casadi}
+            returns = len(self._adapted.output.order or range(G.dimension))
+            of_group |= {"steps": steps, "casadi": self._casadi, "returns": returns}
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
@@ -438,8 +518,10 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def _adapted(self) -> Adapter:
         named = LawInput._fields[:6] + LATER[: 3 * (self.preview_ is not None)]
-        named = named if self.code.is_python else ()
-        return self.adapter or Adapter({name: Signal(name) for name in named})
+        inputs = {name: Signal(name) for name in (named if self.code.is_python else ())}
+        if self.adapter is None:
+            return Adapter(inputs)
+        return self.adapter if self.adapter.inputs else replace(self.adapter, inputs=inputs)
 
     def reading(self, G: MatrixLieGroup, x: LawInput, code: UserCode) -> Array:
         """Return what the code reads, with a row for each run and sample.
@@ -461,7 +543,7 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def code_call(self) -> CodeCall | None:
         """The compiled function, with these numbers; None where it needs Python."""
-        if self.called.code.adapted or self.holds:
+        if self.called.code.adapted or self.holds or self.placed is not None:
             return None
         return CodeCall(
             self.called.eqt_code, 0, tuple(self.called.code.inputs), np.asarray(self.values)
@@ -472,7 +554,7 @@ class Code(_Numbers, RunsCode, Previews):
         inputs, numbers, memory = self.rows(s)
         call = self.called.call_in_runs if self.flies else self.called.call
         command, updated, *lost = call(0, numbers, float(period), memory, inputs)
-        torque, later = self._adapted.output.torque_of(s, command), self._named(updated, s)
+        torque, later = self._command(s, command), self._named(updated, s)
         if self.holds:
             failed = ~np.isfinite(torque).all(axis=-1, keepdims=True)
             failed &= ~lost[0].reshape(failed.shape)  # such a run ends
@@ -493,7 +575,23 @@ class Code(_Numbers, RunsCode, Previews):
         """Return the torque, and of each decision its outcome and how far that was away."""
         inputs, numbers, memory = self.rows(s)
         torque, *outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
-        return self._adapted.output.torque_of(s, torque), *outcomes
+        return self._command(s, torque), *outcomes
+
+    def _command(self, s: Tracking, returned: Array) -> Array:
+        """Return the command for what the code returned."""
+        output, values = self._adapted.output, returned.reshape(*s.P.shape[:-1], -1)
+        if self.placed is None:
+            return output.torque_of(s, values)
+        return apply_matrix(np.array(self.placed), output.thrusts(values))
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those that it returns, or of the law that it claims to be."""
+        output = self._adapted.output
+        if output.as_ == "rotors":
+            return np.empty((0, G.dimension))
+        if output.order:
+            return np.eye(G.dimension)[[G.directions.index(str(name)) for name in output.order]]
+        return self.claimed.directions(G) if self.claimed else super().directions(G)
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
@@ -505,7 +603,8 @@ class Code(_Numbers, RunsCode, Previews):
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the memory of the law that it claims to be, or the fields by their names."""
-        more = {LAST: G.dimension, FAILED: 1} if self.holds else {}
+        length = G.dimension if self.placed is None else len(self.placed)
+        more = {LAST: length, FAILED: 1} if self.holds else {}
         return self._of_code(G) | more
 
     def _of_code(self, G: MatrixLieGroup) -> dict[str, int]:
@@ -615,7 +714,9 @@ class Code(_Numbers, RunsCode, Previews):
         if law is not None:
             law = law.for_plant(G, plant.inside("claimed", law, G, self.as_), problems)
         holds = can_fail and law is None and plant.period is not None
-        return with_fields(self, claimed=law, forces=plant.forces, holds=holds)
+        M = self._adapted.output.matrix(G, plant, problems.at("adapter", "output"))
+        placed = None if M is None else tuple(map(tuple, M.tolist()))
+        return with_fields(self, claimed=law, forces=plant.forces, holds=holds, placed=placed)
 
     def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
         """Return a loop with this code as that of a formula, which counteracts known forces."""

@@ -395,7 +395,15 @@ class Plant:
         adapted = tuple((name, value.shape[1:]) for name, value in arguments.items())
         fields: Any = {"file": self.file.name, "prefix": self.function, "numbers": (), "memory": ()}
         text = text_of(self.file, "it is a plant", EqtError)
-        code = UserCode(**fields, real="double", text=text, entries=0, axes=2 * n, adapted=adapted)
+        code = UserCode(
+            **fields,
+            real="double",
+            text=text,
+            entries=0,
+            axes=2 * n,
+            returns=2 * n,
+            adapted=adapted,
+        )
         return called(code, np.empty(0), STEP, _rows(arguments), how)
 
     def answers(self, states: States, step: float = 0.0) -> Array:

@@ -187,7 +187,7 @@ class Law:
 
     def try_out(self, trial: list[list[float]], how: dict[str, Any]) -> None:
         """Call it at some inputs, and again in another order, which must change nothing."""
-        memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
+        memory = self.kept_numbers()
         before = [*self.request["values"], *np.concatenate([[], *memory])]
         rows, ends, errors = list[Any](), time.monotonic() + TRIAL_SECONDS, list[Exception]()
         for inputs in trial:
@@ -228,12 +228,12 @@ class Law:
             if result is None:
                 raise ValueError(f"{request['function']} returned None")
             torque = eval(request["torque"], self.names | values | {"result": result})  # noqa: S307
-            return np.asarray(torque, dtype=float).reshape(request["axes"])
+            return real(torque, "the output").reshape(request["returns"])
         except (PermissionError, MemoryError):
             raise
         except Exception as error:
             self.error = error
-            return np.full(request["axes"], nan)
+            return np.full(request["returns"], nan)
         finally:
             self.seconds.append(time.thread_time() - begun)
 
@@ -244,7 +244,7 @@ class Law:
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
-        at, torque = len(self.request["values"]), np.zeros(self.request["axes"])
+        at, torque = len(self.request["values"]), np.zeros(self.request["returns"])
         if OBJECT in self.memory:
             return self.after_in_run(row, at, how)
         self.make(row[:at])
@@ -252,8 +252,11 @@ class Law:
         if not how["starts"]:
             self.state |= named(self.memory.items(), row[at:])
             torque = self.torque(row[at + sum(map(prod, self.memory.values())) :], how["period"])
-        memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
-        return list(np.concatenate([torque, *memory]))
+        return list(np.concatenate([torque, *self.kept_numbers()]))
+
+    def kept_numbers(self) -> list[Any]:
+        """Return the numbers of each part of the memory."""
+        return [np.ravel(real(self.state[name], f"memory {name}")) for name in self.memory]
 
     def after_in_run(self, row: list[float], at: int, how: dict[str, Any]) -> list[float]:
         """Return what the object of a run answers, which is made at the first call of the run."""
@@ -310,10 +313,21 @@ def described(error: BaseException, file: str) -> str:
     return words if plain else f"{''.join(lines[-1:])}{kind}{words}"
 
 
+def real(value: Any, name: str) -> Any:
+    """Return an array of floats, which would lose the imaginary part of complex numbers."""
+    if np.iscomplexobj(array := np.asarray(value)):
+        size = np.abs(array.imag).max(initial=0.0)
+        raise ValueError(
+            f"{name} is complex, with imaginary parts up to {size:.3g}; expected real numbers, "
+            "such as np.real(…)"
+        )
+    return np.asarray(array, dtype=float)
+
+
 def flat(value: Any, size: int) -> list[float]:
     """Return so many numbers, of arrays and lists of them."""
     parts = list(value) if isinstance(value, list | tuple) else [value]
-    numbers: list[float] = np.hstack([np.ravel(np.asarray(x, dtype=float)) for x in parts]).tolist()
+    numbers: list[float] = np.hstack([np.ravel(real(x, "the output")) for x in parts]).tolist()
     if len(numbers) != size:
         raise ValueError(f"expected {size} numbers, as the state has, got {len(numbers)}")
     return numbers

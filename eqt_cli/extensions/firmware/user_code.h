@@ -4,7 +4,7 @@
 
      EQT_NUMBER_TYPE, EQT_MEMORY_TYPE, EQT_INPUT_TYPE, EQT_TORQUE   the user's names
      EQT_CODE_REAL                 double or float
-     EQT_CODE_AXES                 numbers of a velocity
+     EQT_CODE_AXES                 numbers that it returns
      EQT_SET_INPUT, EQT_SET_NUMBERS, EQT_READ_MEMORY, EQT_WRITE_MEMORY
                                    a call of the macros below for each name
      EQT_LIST_INPUT, EQT_LIST_NUMBERS, EQT_LIST_MEMORY   sizeof of each, with commas

@@ -306,6 +306,8 @@ class UserCode(CodeFile):
         The text, with the files beside it that it includes, as `c_files.gathered` writes them.
     entries, axes
         The number of entries of a pose, and of a velocity.
+    returns
+        The number of entries that it returns.
     space
         The number of coordinates of a position; 0 on groups other than SE2 and SE3.
     steps
@@ -319,6 +321,7 @@ class UserCode(CodeFile):
     text: str = field(repr=False)
     entries: int
     axes: int
+    returns: int
     space: int = 0
     steps: int = 0
     adapted: tuple[tuple[str, tuple[int, ...]], ...] = ()
@@ -364,7 +367,7 @@ class UserCode(CodeFile):
         if not self.casadi:
             return text
         numbers, inputs = dict(self.numbers), self.adapted
-        return text + casadi_call(text, self.file, self.prefix, inputs, numbers, self.axes)
+        return text + casadi_call(text, self.file, self.prefix, inputs, numbers, self.returns)
 
     @cached_property
     def _plain(self) -> str:
@@ -443,7 +446,7 @@ class UserCode(CodeFile):
             "EQT_RETURN": "int" if self.fails else "void",
             "EQT_FAILED(call)": CAN_FAIL if self.fails else "call",
             "EQT_CODE_REAL": self.real,
-            "EQT_CODE_AXES": str(self.axes),
+            "EQT_CODE_AXES": str(self.returns),
             "EQT_INPUTS": str(sum(self.inputs.values())),
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
             "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
@@ -562,7 +565,7 @@ class CodeFunction:
         InputError
             If a call crashes, or does not return; with its input.
         """
-        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.axes))
+        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.returns))
         lost = self._answer(begins, period, [numbers, later, inputs, torques, *more])
         for row, words in lost.items():
             if begins and not self.code.is_python:
@@ -587,7 +590,7 @@ class CodeFunction:
         What became of them is noted in the processes. A run that has ended, whose inputs are not
         finite, is not called. At the start of a run, its memory is NaN if the call was lost.
         """
-        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.axes))
+        later, torques = np.array(memory, dtype=float), np.empty((len(inputs), self.code.returns))
         lost = self._answer(begins | SKIPS, period, [numbers, later, inputs, torques])
         self._tell(lost, inputs)
         self.processes.note({} if begins else lost)
@@ -621,7 +624,7 @@ class CodeFunction:
 
     def _most(self, *arrays: Array) -> int:
         """Return the most rows for which there is room; those of torques are counted, too."""
-        width = sum(array.shape[1] for array in arrays) + self.code.axes
+        width = sum(array.shape[1] for array in arrays) + self.code.returns
         return (BOARD // 8 - python_law.FIRST) // width
 
     @cached_property
@@ -631,7 +634,7 @@ class CodeFunction:
             None, ctypes.c_long, ctypes.c_int, ctypes.c_double, *6 * [ctypes.c_void_p]
         )
         numbers, inputs = (sum(n for _, n in self.code.numbers), sum(self.code.inputs.values()))
-        widths = numbers, sum(self.lengths.values()), inputs, self.code.axes
+        widths = numbers, sum(self.lengths.values()), inputs, self.code.returns
 
         def call(runs: int, begins: int, period: float, *addresses: int) -> None:
             arrays = [*map(_rows_at, addresses, [runs] * 4, widths)]
@@ -672,7 +675,7 @@ def _processes(code: UserCode, is_watched: bool) -> Pool:
         content, more = compiler.content(code.source, code.refuse), [0, 0]
     lengths = compiled(code).lengths
     widths = sum(n for _, n in code.numbers), sum(lengths.values()), sum(code.inputs.values())
-    law = {"function": code.function, "file": code.file, "widths": [*widths, code.axes, *more]}
+    law = {"function": code.function, "file": code.file, "widths": [*widths, code.returns, *more]}
     return Pool(law, Limits(LIFE, file=0), content)
 
 
@@ -785,7 +788,7 @@ class PythonFunction(CodeFunction):
             torques[~are_called] = np.nan
         answers, lost = pool.call_python(rows, memory, np.flatnonzero(are_called), how)
         for place, answer in answers.items():
-            torques[place], memory[place] = np.split(np.array(answer), [self.code.axes])
+            torques[place], memory[place] = np.split(np.array(answer), [self.code.returns])
         torques[[*lost]] = np.nan
         return lost
 

@@ -988,6 +988,6 @@ def error_files(tracking: TrackingErrors, folder: Path) -> dict[Path, bytes]:
         unit, axes = QUANTITIES[quantity]
         names, stream = ["t (s)", *(f"{axis} ({unit})" for axis in axes)], io.BytesIO()
         head, rows = CONFIG_MARK.format("log") + ",".join(names), np.column_stack([t, errors])
-        np.savetxt(stream, rows, fmt="%.9g", delimiter=",", header=head, comments="")
+        np.savetxt(stream, rows, fmt="%.17g", delimiter=",", header=head, comments="")
         files[folder / f"errors_{quantity}.csv"] = stream.getvalue()
     return files

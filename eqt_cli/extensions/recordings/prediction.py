@@ -12,12 +12,12 @@ import numpy as np
 from eqt_cli.base.arrays import Array, apply_matrix, as_array, norm
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
-from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.actuators import THRUSTS, Actuator
 from eqt_cli.components.blocks import COMMAND, Now, blocks_of, body
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.motions import piece_at
+from eqt_cli.components.motions import PlantModel, piece_at
 from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS
@@ -25,7 +25,7 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
 from eqt_cli.extensions.recordings.recording_check import Recording, RecordingInFile
 from eqt_cli.loop.closed_loop import VEHICLE, ClosedLoop
-from eqt_cli.numbers.leaves import with_fields
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.runs.batches import differing
 
 # The law that replays a recorded wrench -----------------------------------------------------------
@@ -39,8 +39,9 @@ class Replay(RecordingInFile, Controller):
     """The wrench of a recording, replayed in open loop; nothing is claimed.
 
     With the reference `log` of the same file, the errors of a run are those of the prediction. The
-    wrench passes through the actuators of the configuration, if there are any. A run over a gap of
-    the recording is refused, because the wrench is not known there.
+    wrench passes through the actuators of the configuration, if there are any. Recorded speeds of
+    rotors, in place of a wrench, are commands of their thrusts. A run over a gap of the recording
+    is refused, because the wrench is not known there.
 
     Attributes
     ----------
@@ -56,6 +57,28 @@ class Replay(RecordingInFile, Controller):
 
     hold: Hold = "zero"
     now: Any = field(default=None, init=False, repr=False)  # HeldWrench | None
+    thrusts: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)  # (rows, k)
+
+    @property
+    def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """Thrusts, where speeds of rotors were recorded; else a torque."""
+        return "torque" if self.thrusts is None else THRUSTS
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return all, or none of thrusts."""
+        return super().directions(G)[: None if self.thrusts is None else 0]
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with the thrusts of recorded speeds."""
+        recording = self.recording(G)
+        if not recording.speeds.size or np.isfinite(recording.wrenches).any():
+            return self
+        try:
+            rotors = rotors_of(recording, plant.actuators)
+        except EqtError as error:
+            problems.at("file").add(str(error))
+            return self
+        return with_fields(self, thrusts=rotors.pushed(recording.speeds))
 
     @property
     def structure(self) -> Hashable:
@@ -78,6 +101,8 @@ class Replay(RecordingInFile, Controller):
     def held(self, G: MatrixLieGroup, t: Any) -> HeldWrench:
         """Return the wrench from a time to the next row."""
         times, wrenches = self.recording(G).times, self.recording(G).wrenches
+        if self.thrusts is not None:
+            wrenches = np.pad(self.thrusts, ((0, 0), (G.dimension, 0)))
         row = piece_at(times, t)
         if self.hold == "zero":
             return HeldWrench(wrenches[row])
@@ -91,7 +116,12 @@ class Replay(RecordingInFile, Controller):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid file or mapping, and a file without a wrench."""
-        self.check_file(problems, lambda: self.recording(G).require_wrenches())
+        self.check_file(problems, lambda: self._driving(G))
+
+    def _driving(self, G: MatrixLieGroup) -> Array:
+        """Return the speeds of rotors, or the wrenches; raises an `InputError` without both."""
+        recording = self.recording(G)
+        return recording.speeds if recording.speeds.size else recording.require_wrenches()
 
 
 @dataclass(frozen=True)
@@ -117,7 +147,7 @@ class HeldWrench:
         wrench = self.wrench
         if self.slope is not None:
             wrench = wrench + as_array(s.t - self.since)[..., None] * self.slope
-        return wrench + 0.0 * s.P  # broadcast to all runs
+        return wrench + 0.0 * s.P[..., :1]  # broadcast to all runs
 
 
 # Predicts windows of a recording: the motion of a plant under the recorded wrench -----------------
@@ -238,18 +268,24 @@ def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
     EqtError
         If the configuration has no such rotors, or the recording has a wrench, too.
     """
-    count, vehicle = recording.speeds.shape[1], experiment.loop.vehicle
-    if not count:
+    if not recording.speeds.size:
         return recording
-    place, actuators = f"{recording.place}: {count} speeds of rotors", vehicle.actuators
+    rotors = rotors_of(recording, experiment.loop.vehicle.actuators)
+    rotors = rotors.of_run(recording.group, None)
+    return replace(recording, wrenches=apply_matrix(rotors.matrix, rotors.pushed(recording.speeds)))
+
+
+def rotors_of(recording: Recording, actuators: Sequence[Actuator]) -> Any:
+    """Return the rotors whose speeds were recorded; raises an `EqtError` where there are none."""
+    count = recording.speeds.shape[1]
+    place = f"{recording.place}: {count} speeds of rotors"
     if np.isfinite(recording.wrenches).any():
         raise EqtError(f"{place} and a wrench; give other names to the columns of one of them")
     rotors: Any = next(filter(_has_rotors, actuators), None)
     if rotors is None or rotors.count != count:
         needed = f"an actuator `kind: thrusters` with `thrust_constant` and {count} thrusters"
         raise EqtError(f"{place} need {needed}")
-    rotors = rotors.of_run(recording.group, None)
-    return replace(recording, wrenches=apply_matrix(rotors.matrix, rotors.pushed(recording.speeds)))
+    return rotors
 
 
 def _has_rotors(actuator: Actuator) -> bool:

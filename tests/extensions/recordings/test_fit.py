@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import plain_current as plain
 import pytest
@@ -290,6 +291,27 @@ def test_speeds_of_rotors_are_a_wrench(tmp_path, monkeypatch):
     config["plant"] = {"forces": [weight]}
     (s,) = eqt_cli.fit(config, "flight.csv", ["actuators[1].factor"], horizon=0.2).numbers
     assert s.value == pytest.approx(1.0, rel=1e-5)
+
+
+def test_recorded_speeds_are_commands_of_rotors(tmp_path, monkeypatch):
+    """Each thrust is k n² of its own rotor, within the limits, and not B⁺ of their wrench."""
+    monkeypatch.chdir(tmp_path)
+    times = np.arange(0.0, 0.5, 0.1)
+    n = 400 + 30 * np.sin(3 * times[:, None] + np.arange(4))
+    n[2, 0] = 900.0
+    still = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(times), 1))
+    header = "t,qx,qy,qz,qw,x,y,z,n1,n2,n3,n4"
+    rows = np.column_stack([times, still, n])
+    np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    config = model("SE3", inertia=[0.02, 0.02, 0.03, 1.5, 1.5, 1.5], actuators=[dict(ROTORS)])
+    config["controllers"] = [{"kind": "replay", "file": "flight.csv"}]
+    config |= {"time": {"duration": 0.4, "samples": 5}, "reference": {"kind": "constant"}}
+    config |= {"ensemble": {"runs": 1}, "initial": {"pose": "identity"}}
+    result = eqt_cli.run(config, "flown")
+    with h5py.File(result.path / "results.h5") as file:
+        flown = file["thrust"][0, 0]
+    high = ROTORS["thrust_constant"] * ROTORS["high_speed"] ** 2
+    np.testing.assert_allclose(flown, np.clip(2e-5 * n**2, 0.0, high), rtol=1e-12)
 
 
 @dataclass
