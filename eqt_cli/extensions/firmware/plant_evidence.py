@@ -325,6 +325,11 @@ def sentences_of(
     yield from (f"{title}{axes} {words}" for words, axes in along.items() if words[:3] == "is ")
 
 
+def _values(rows: Sequence[Term]) -> str:
+    """Return a factor of the weight by its values."""
+    return f"{number(rows[0].plant)} for {number(rows[0].model)} m/s²" if len(rows) == 1 else ""
+
+
 MOMENT = "v × 𝕀v, the moment of the added mass"
 
 TERMS = {
@@ -552,11 +557,15 @@ class Judge:
             return
         rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
         masses = {row.axis: row.ratio for row in push if row.differs and row.model}
+        weighed = {row.axis for row in push if row.model}  # along which the push tells the mass
+        weighed |= {*XYZ} if weighed and not np.ptp(M) else set()
         kinds = by_kind(rows)
         kinds["drag"] = kinds.get("drag", []) + kinds.pop(MOMENT, [])
         for kind, terms in kinds.items():
             title = kind.replace("× v", "× 𝕀v") if np.ptp(M) > 0 else kind
             note = self._gravity if title == "weight" else self._mass
+            if weighed.issuperset(row.axis for row in terms):
+                note = self._of_weight if title == "weight" else self._undivided
             # A wrong mass is said once.
             news = [
                 x for x in terms if not (x.differs and near(x.ratio, masses.get(x.axis, math.nan)))
@@ -566,8 +575,15 @@ class Judge:
     def _gravity(self, rows: Sequence[Term]) -> str:
         """Return how a factor of the weight follows from the mass, or the values."""
         words = self._mass(rows)
-        values = f"{number(rows[0].plant)} for {number(rows[0].model)} m/s²"
-        return values if words.startswith("mass") and len(rows) == 1 else words
+        return _values(rows) if words.startswith("mass") and len(rows) == 1 else words
+
+    def _of_weight(self, rows: Sequence[Term]) -> str:
+        """Return how a factor of the weight follows from the mass that the push shows, or g."""
+        return self._undivided(rows) or _values(rows)
+
+    def _undivided(self, rows: Sequence[Term]) -> str:
+        """Return how a factor of a force follows from the mass that the push shows."""
+        return "" if (words := self._mass(rows)).startswith("mass") else words
 
     def _mass(self, rows: Sequence[Term]) -> str:
         """Return how a factor of a force follows from masses."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
-from eqt_cli.base.files import open_regular, text_of
+from eqt_cli.base.files import content_of, open_regular, text_in, text_of
 from eqt_cli.base.reporting import reporter
 from eqt_cli.extensions.recordings.first_bytes import beginnings, begins, format_of
 from eqt_cli.extensions.recordings.log_table import CONVERTED
@@ -47,7 +47,7 @@ def text_of_recording(
             raise InputError(
                 f"{path}: is {title}, not a table that eqt reads; convert it to a table with {tool}"
             )
-    text = text_of(path, missing, kind, limit=limit, smaller=smaller)
+    text = text_of(path, missing, kind, limit=limit, smaller=smaller, read=_unicode)
     for name, (title, start) in beginnings()["tables"].items():
         if re.match(start, text[:HEAD]):
             try:
@@ -59,7 +59,51 @@ def text_of_recording(
                 raise InputError(
                     f"{path}: begins as {title}, but goes on otherwise{place}"
                 ) from None
-    return text
+            return text
+    return with_commas(text, path)
+
+
+def _unicode(path: Path, limit: int) -> str:
+    """Return the text of a file in UTF-8, or in UTF-16 if its first two bytes say so."""
+    if not begins(path, "\xff\xfe|\xfe\xff"):
+        return text_in(path, limit)
+    return re.sub("\r\n?", "\n", content_of(path, limit).decode("utf-16"))
+
+
+SEPARATOR = re.compile(r"\ufeff?\"?sep=(.)\"?\n", re.IGNORECASE)
+"""A first line for Excel."""
+
+
+def with_commas(text: str, path: Path) -> str:
+    """Return a table as one with commas between columns, and decimals with a point.
+
+    Its columns may be separated by semicolons or tabs, and its decimals have commas.
+
+    Raises
+    ------
+    InputError
+        If commas between digits could separate thousands, or some decimals have a point.
+    """
+    said = SEPARATOR.match(text)
+    body = text[said.end() :] if said else text
+    head, _, rows = body.partition("\n")
+    apart = said.group(1) if said else next((c for c in ";\t" if c in head and "," not in head), "")
+    if not said and not apart:
+        return text
+    if apart != ",":
+        if marks := {*re.findall(r"\d([.,])(?=\d)", rows)}:
+            commas = {*re.findall(r"(?<![\d,.])-?\d+,\d+(?![\d,.])", rows)} if "," in marks else {}
+            thousands = all(re.fullmatch(r"-?[1-9]\d{0,2},\d{3}", each) for each in commas)
+            if len(marks) > 1 or (commas and thousands) or ("," in marks and not commas):
+                raise InputError(
+                    f"{path}: numbers have commas that can separate decimals or thousands; save "
+                    "the table with decimal points, without separators of thousands"
+                )
+        written, table = io.StringIO(), csv.reader(io.StringIO(body), delimiter=apart)
+        cells = ([cell.replace(",", ".") for cell in row] for row in table)
+        csv.writer(written, lineterminator="\n").writerows(cells)
+        body = written.getvalue()
+    return "\n" * bool(said) + body  # so that lines keep their numbers
 
 
 def _remark(path: Path, words: str) -> None:
