@@ -103,7 +103,7 @@ def with_commas(text: str, path: Path) -> str:
         cells = ([cell.replace(",", ".") for cell in row] for row in table)
         csv.writer(written, lineterminator="\n").writerows(cells)
         body = written.getvalue()
-    return "\n" * bool(said) + body  # so that lines keep their numbers
+    return f"\n{body}" if said else body  # lines keep their numbers
 
 
 def _remark(path: Path, words: str) -> None:
