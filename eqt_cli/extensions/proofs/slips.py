@@ -12,6 +12,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import KeyPath
+from eqt_cli.base.registry import is_foreign
+from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
@@ -136,10 +138,12 @@ def _without_effect(experiment: Experiment) -> Placed:
                 "changes nothing, as there are no forces in `model`",
             )
     if config.store.memory == "auto" and config.store.trajectories != "none":
-        numbers = dict[str, str]()
+        numbers, is_own = dict[str, str](), False
         for loop in experiment.loops.values():
-            numbers |= output_names(loop.controller, experiment.group)
-        if len(numbers) > MOST_OUTPUTS:
+            law, G = loop.controller, experiment.group
+            numbers |= output_names(law, G)
+            is_own |= is_foreign(type(law).__module__) or isinstance(law, RunsCode)
+        if is_own and len(numbers) > MOST_OUTPUTS:
             yield (
                 ("store", "memory"),
                 f"laws have {len(numbers)} numbers to store, and results hold at most "
