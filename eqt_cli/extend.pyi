@@ -113,8 +113,6 @@ from eqt_cli.components.laws import OuterLoop as OuterLoop
 from eqt_cli.components.laws import Previews as Previews
 from eqt_cli.components.laws import ReadsLimits as ReadsLimits
 from eqt_cli.components.laws import RunsCode as RunsCode
-from eqt_cli.components.lqr import Eqr as Eqr
-from eqt_cli.components.lqr import Lqr as Lqr
 from eqt_cli.components.matrix_groups import SE2 as SE2
 from eqt_cli.components.matrix_groups import SE3 as SE3
 from eqt_cli.components.matrix_groups import SE23 as SE23
@@ -164,6 +162,7 @@ from eqt_cli.engines.engine import Span as Span
 from eqt_cli.engines.engine import SpanResult as SpanResult
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
+from eqt_cli.extensions.laws.extend import *
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.recordings.extend import *
 from eqt_cli.extensions.search.extend import *

@@ -243,9 +243,7 @@ controllers = Registry(
     "controller",
     "controllers",
     Controller,
-    tuple(
-        f"components.{each}" for each in "laws cascade lqr classic_laws wheels rejection".split()
-    ),
+    tuple(f"components.{module}" for module in "laws cascade classic_laws wheels".split()),
 )
 
 

@@ -69,7 +69,7 @@ def test_a_law_is_selected_by_label_or_title(name, label):
 def test_a_name_that_needs_no_other_spelling_loads_no_other_law():
     code = (
         "import sys; from eqt_cli.components.laws import controllers as c; "
-        "print(c.written('gt'), 'eqt_cli.components.lqr' in sys.modules, c.written('LQR'))"
+        "print(c.written('gt'), 'eqt_cli.extensions.laws.lqr' in sys.modules, c.written('LQR'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "gt False lqr\n"

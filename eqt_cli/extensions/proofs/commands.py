@@ -355,7 +355,7 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
 
 def _gains(result: Margins) -> list[str]:
     """Return the names of the gain margins: that of the position where a law has it."""
-    from eqt_cli.components.rejection import Rejecting
+    from eqt_cli.extensions.laws.rejection import Rejecting
     from eqt_cli.extensions.proofs.margins import GAINS
 
     controllers = [loop.controller for loop in result.experiment.loops.values()]

@@ -14,7 +14,7 @@ from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
 from eqt_cli.components.references import ConstantReference
-from eqt_cli.components.rejection import DISTURBANCE, Rejecting
+from eqt_cli.extensions.laws.rejection import DISTURBANCE, Rejecting
 from eqt_cli.extensions.proofs.certificates import (
     ENERGY_PER_RTOL,
     STATES_PER_RTOL,
