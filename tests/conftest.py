@@ -88,6 +88,9 @@ def pytest_report_header() -> str:
 EXTENSIONS = {extension.name for extension in shipped()}
 """None where `make test-core` tries the core alone."""
 
+OF_LAWS = {"sweep_lqr", "quadrotor_speeds"}
+"""Shipped configurations with laws of the extension `laws`."""
+
 OF_ALL_COMMANDS = ["test_api.py", "test_benchmarks.py", "test_docs.py", "trust/test_folders.py"]
 
 collect_ignore = [] if EXTENSIONS else ["extensions", *OF_ALL_COMMANDS]
@@ -96,6 +99,8 @@ collect_ignore = [] if EXTENSIONS else ["extensions", *OF_ALL_COMMANDS]
 @pytest.hookimpl(tryfirst=True)  # before -m reads the marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
+        if getattr(item, "callspec", None) and item.callspec.params.get("name") in OF_LAWS:
+            item.add_marker(pytest.mark.needs("laws"))
         for mark in item.iter_markers("needs"):
             lacking = sorted({*mark.args} - EXTENSIONS)
             if lacking or not EXTENSIONS:

@@ -66,6 +66,7 @@ def test_a_law_is_selected_by_label_or_title(name, label):
     assert label_named(name, titled) == label
 
 
+@pytest.mark.needs("laws")
 def test_a_name_that_needs_no_other_spelling_loads_no_other_law():
     code = (
         "import sys; from eqt_cli.components.laws import controllers as c; "

@@ -98,9 +98,10 @@ class Own(CLASS):
     ("of", "sections"),
     [
         ("Controller", SECTIONS["Controller"]),
-        (
+        pytest.param(
             "Controller",
             {"controllers": "[{kind: observer, law: own, rate: 5}]", "control": "{period: 0.1}"},
+            marks=pytest.mark.needs("laws"),
         ),
         ("Force", SECTIONS["Force"]),
     ],
