@@ -52,6 +52,7 @@ from eqt_cli.engines import compiler as native_compiler
 from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, Program, c_function
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import executors
+from eqt_cli.runs.batches import batches
 from eqt_cli.runs.run_study import Execution, execute
 
 pytest_plugins = ["pytester"]
@@ -490,6 +491,21 @@ def run(folder: Path) -> Callable[..., Execution]:
         return execute(study(source), Path(out), force=force)
 
     return done
+
+
+@pytest.fixture
+def solved(tmp_path):
+    """The problem and the solution of a controller's runs, of a configuration in text."""
+
+    def solve(text, label="eqt", runs=None, workers=1):
+        path = tmp_path / "flight.yaml"
+        path.write_text(text, encoding="utf-8")
+        found = study(read_config(path))
+        entries = np.arange(found.plan.entries) if runs is None else np.asarray(runs)
+        [batch] = batches(found, label, entries)
+        return batch.problem, batch.engine.solve(batch.problem, workers)
+
+    return solve
 
 
 @pytest.fixture(scope="session")
