@@ -337,10 +337,13 @@ def unequal(record: Record) -> list[str]:
             if measured and not spends(law, number, bound):
                 ends = [x / bound["bound"] for x in (min(measured), max(measured))]
                 share = " to ".join(dict.fromkeys(fixed(end, 2) for end in ends))
-                why = [
-                    "its error is no lower with more, or its ranges hold no gains that spend it"
-                ] * (ends[0] < 1 - EQUAL)
-                why += ["no gains in its ranges spend less"] * (ends[1] > 1 + EQUAL)
+                why = (
+                    ["its error is no lower with more, or its ranges hold no gains that spend it"]
+                    if ends[0] < 1 - EQUAL
+                    else []
+                )
+                if ends[1] > 1 + EQUAL:
+                    why += ["no gains in its ranges spend less"]
                 lines.append(
                     f"{law_title(law['label'])} spends {share} of {bound['metric']} "
                     f"{bound['bound']:g}: {'; on some samples '.join(why)}. It is compared at what "
