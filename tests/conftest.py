@@ -494,6 +494,18 @@ def run(folder: Path) -> Callable[..., Execution]:
 
 
 @pytest.fixture
+def experiment_of(tmp_path):
+    """The experiment of a configuration in text."""
+
+    def build(text):
+        path = tmp_path / "flight.yaml"
+        path.write_text(text, encoding="utf-8")
+        return study(read_config(path)).base
+
+    return build
+
+
+@pytest.fixture
 def solved(tmp_path):
     """The problem and the solution of a controller's runs, of a configuration in text."""
 
