@@ -268,13 +268,14 @@ class Indi(Rejecting):
         if problems:
             return law
         vehicle = plant.vehicle
-        if vehicle.estimator is not None and self.gyro != "estimate":
+        most = max((x.every for x in vehicle.channels(G) if x.signal == "velocity"), default=0)
+        if most > vehicle.control.clock.every:  # with an estimator, too
+            said = f"the velocity is measured every {most * vehicle.tick:g} s, so that most"
+            remedy = f"measure it every {vehicle.control.period:g} s, or set control.period to this"
+            problems.at("gyro").add(f"{said} differences are 0; {remedy}")
+        elif vehicle.estimator is not None and self.gyro != "estimate":
             said = f"û does not pass the filter of the estimator, {vehicle.estimator.name}"
             problems.at("gyro").add(f"{said}; write gyro: estimate, or remove the estimator")
-        most = max((x.every for x in vehicle.channels(G) if x.signal == "velocity"), default=0)
-        if most > vehicle.control.clock.every:
-            said = f"the velocity is measured every {most * vehicle.tick:g} s, so that most"
-            problems.at("gyro").add(f"{said} differences are 0; set control.period to this")
         if self.reads_specific_force and not rigid_motions(G):
             here = problems.at("linear")
             here.add(f"accelerometer needs group SE2 or SE3, got {G.name}; use differences")

@@ -37,6 +37,7 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield all of them, and those on what limits leave, with their keys."""
     yield from _behind_the_end(experiment)
     yield from _without_effect(experiment)
+    yield from _unread_momentum(experiment)
     yield from (slips := [*_of_another_unit(experiment)])
     wrong = {key[1] for key, _ in slips}  # with such numbers, what is left means nothing
     yield from (each for each in on_authority(experiment, shown) if each[0][1] not in wrong)
@@ -125,6 +126,18 @@ def _of_wheels(key: KeyPath, part: Any, inverse: Array) -> Placed:
             )
 
 
+def _unread_momentum(experiment: Experiment) -> Placed:
+    """Yield the anti-windup of laws beside wheels whose momentum it does not read."""
+    wheels = [x for x in experiment.loop.vehicle.actuators if x.name == "wheels" and x.sampled]
+    for law in experiment.laws.values() if wheels else ():
+        if getattr(law.law, "anti_windup", "none") != "none":
+            yield (
+                ("controllers", law.index, "anti_windup"),
+                "reads the torque limit of the wheels only: at their momentum limit, the integral "
+                "goes on",
+            )
+
+
 def _without_effect(experiment: Experiment) -> Placed:
     """Yield what changes nothing, and numbers of laws that are not stored."""
     config = experiment.config
@@ -140,9 +153,9 @@ def _without_effect(experiment: Experiment) -> Placed:
     if config.store.memory == "auto" and config.store.trajectories != "none":
         numbers, is_own = dict[str, str](), False
         for loop in experiment.loops.values():
-            law, G = loop.controller, experiment.group
-            numbers |= output_names(law, G)
-            is_own |= is_foreign(type(law).__module__) or isinstance(law, RunsCode)
+            one = loop.controller
+            numbers |= output_names(one, experiment.group)
+            is_own |= is_foreign(type(one).__module__) or isinstance(one, RunsCode)
         if is_own and len(numbers) > MOST_OUTPUTS:
             yield (
                 ("store", "memory"),

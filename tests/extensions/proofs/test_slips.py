@@ -53,6 +53,11 @@ def told(config: dict[str, Any]) -> list[str]:
         (changed(QUAD, thrusters=quad_by(1.0)), "actuators[0].thrusters", "moment_constant"),
         (changed(CUBE, momentum=50.0), "actuators[0].momentum", "'50 mN m s'"),
         (changed(CUBE, limit=20.0), "actuators[0].limit", "'20 mN m'"),
+        (
+            {**CUBE, "controllers": [{"kind": "goodarzi2013", "anti_windup": "clamp"}]},
+            "controllers[0].anti_windup",
+            "momentum limit",
+        ),
         (FREE, "controllers[0].known_forces", "changes nothing"),
         ({**FREE, "model": {"forces": "plant"}}, "model.forces", "has none"),
     ],
