@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,11 @@ from eqt_cli.analysis.intervals import Resampling, relative_difference
 from eqt_cli.analysis.maps import NOBODY, RULE, decide, front
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, fixed, significant
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Measure, Plain, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
-
-if TYPE_CHECKING:
-    from eqt_cli.extensions.search.candidates import Numbers
 
 # Ranks scored points: feasible points first, then by objectives -----------------------------------
 

@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.result import Result
-
-if TYPE_CHECKING:
-    from eqt_cli.extensions.search.candidates import Numbers
 
 # Keys that a search varies ------------------------------------------------------------------------
 

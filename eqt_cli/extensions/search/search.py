@@ -28,10 +28,11 @@ from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search import fronts, law_search
-from eqt_cli.extensions.search.candidates import Numbers, computed
+from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.record import Kind
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.folder import ResultFolder

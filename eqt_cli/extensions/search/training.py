@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,19 +13,43 @@ from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER
 from eqt_cli.base.reporting import brief, count_of, reporter
+from eqt_cli.config.document import Document
+from eqt_cli.config.schema import TuneSection
 from eqt_cli.config.study import study
-from eqt_cli.extensions.search.candidates import Numbers, computed
+from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Constraint
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
 from eqt_cli.extensions.search.record import values_text
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import columns, swept
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import mean_over_runs
 from eqt_cli.runs.executors import Executor
 
-if TYPE_CHECKING:
-    from eqt_cli.extensions.search.tune import Search
+
+class Sampled(Protocol):
+    """A search on training samples: what `tune.Search` says of itself."""
+
+    @property
+    def section(self) -> TuneSection: ...
+    @property
+    def laws(self) -> tuple[LawSearch, ...]: ...
+    @property
+    def objectives(self) -> tuple[str, ...]: ...
+    @property
+    def bounds(self) -> tuple[Constraint, ...]: ...
+    @property
+    def scored_metrics(self) -> list[str]: ...
+    @property
+    def samples(self) -> range: ...
+    @property
+    def points(self) -> int: ...
+    @property
+    def runs_at_a_point(self) -> int: ...
+    def by_models(self, law: LawSearch, sample: int) -> ModelSearch: ...
+    def on_sample(self, document: Document, sample: int) -> Document: ...
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +76,7 @@ class Training:
         return np.array(at).reshape(shares.shape)
 
 
-def trained(search: Search, folder: SearchFolder, executor: Executor) -> dict[Training, Best]:
+def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[Training, Best]:
     """Find the best point of every law on every training sample.
 
     A batch has points of all searches that have not ended, and runs them side by side. What it
@@ -82,7 +106,7 @@ def trained(search: Search, folder: SearchFolder, executor: Executor) -> dict[Tr
     return {key: ended[key] for key in searches}
 
 
-def _so_far(search: Search, law: LawSearch, searches: Mapping[Training, ModelSearch]) -> str:
+def _so_far(search: Sampled, law: LawSearch, searches: Mapping[Training, ModelSearch]) -> str:
     """Describe the best point of the first sample of a law so far."""
     of_law = [one for key, one in searches.items() if key.law is law]
     points = sum(0 if one.tried is None else len(one.tried) for one in of_law)
@@ -97,7 +121,7 @@ def _so_far(search: Search, law: LawSearch, searches: Mapping[Training, ModelSea
 
 
 def _answers(
-    search: Search,
+    search: Sampled,
     folder: SearchFolder,
     number: int,
     proposed: Mapping[Training, Array],
@@ -139,7 +163,7 @@ def _read(record: Any, points: Array) -> Tried | None:
 
 
 def _computed(
-    search: Search, proposed: Mapping[Training, Array], executor: Executor, *, tried: bool
+    search: Sampled, proposed: Mapping[Training, Array], executor: Executor, *, tried: bool
 ) -> dict[Training, Tried]:
     """Run all points of a batch in all cases, and return how good they are."""
     runs = [
@@ -158,7 +182,7 @@ def _computed(
     }
 
 
-def _judged(search: Search, points: Array, cases: Sequence[Numbers], *, worst: bool) -> Tried:
+def _judged(search: Sampled, points: Array, cases: Sequence[Numbers], *, worst: bool) -> Tried:
     """Return how good points are, over the cases."""
     scored = [_measured(search, case) for case in cases]
     (costs, measured, lost, unsettled) = (np.array(each) for each in zip(*scored, strict=True))
@@ -177,7 +201,7 @@ def _judged(search: Search, points: Array, cases: Sequence[Numbers], *, worst: b
     )
 
 
-def _measured(search: Search, numbers: Numbers) -> tuple[Array, Array, Array, Array]:
+def _measured(search: Sampled, numbers: Numbers) -> tuple[Array, Array, Array, Array]:
     """Return cost, bounded numbers ``(points, bounds)``, lost share, and unsettled runs of a case.
 
     All are over the runs that have all numbers; the others are lost.

@@ -21,11 +21,11 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection, WorstRunSection, without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
-from eqt_cli.extensions.search.candidates import Numbers
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch
 from eqt_cli.extensions.search.record import TUNE, values_text
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
 from eqt_cli.extensions.search.training import Training, trained
 from eqt_cli.results.metrics import quantity_of

@@ -19,9 +19,9 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection, without_search
 from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.extensions.search import law_search
-from eqt_cli.extensions.search.candidates import Numbers
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
 from eqt_cli.extensions.search.record import WORST, agree, costs_of_runs
+from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve, stored_scores
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result, open_result
