@@ -332,6 +332,13 @@ class Slab:
                         file.put(entry.name, block[0], (*law, box.runs))
 
 
+def is_of(study: Study, path: Path) -> bool:
+    """Whether a file is of a part of this study, as it says itself."""
+    with suppress(ResultError):
+        return bool(read_arrays(path).get(STUDY, np.empty(0)).tolist() == [_digest(study)])
+    return False
+
+
 def _digest(study: Study) -> str:
     return (study.whole or study).digest
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
-from eqt_cli.base.files import kind_of
+from eqt_cli.base.files import kind_of, write_record
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly
@@ -28,7 +28,7 @@ from eqt_cli.results.quantity import Measure
 from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
-from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask
+from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, is_of
 from eqt_cli.runs.executors import MOST_TRIES, Auto, Executor, Serial, Threads
 from eqt_cli.runs.folder import (
     CONFIG,
@@ -41,7 +41,7 @@ from eqt_cli.runs.folder import (
     write_index,
 )
 from eqt_cli.runs.lock import LOCK, locked
-from eqt_cli.runs.part_files import PartFiles
+from eqt_cli.runs.part_files import MANIFEST, PartFiles
 from eqt_cli.runs.preflight import check_resources, rehearse
 from eqt_cli.runs.provenance import now, provenance
 
@@ -155,6 +155,8 @@ def execute(
     """
     folder = ResultFolder(out)
     folder.check()
+    if not force:
+        _restore_manifest(study, folder)
     complete = None if force else _complete(study, folder)
     if complete and not (rerun_failed and complete.failed):
         return complete
@@ -213,6 +215,36 @@ def pack_folder(study: Study, out: Path) -> Execution:
                 "or use eqt run (for a sweep eqt sweep), which computes the missing parts"
             )
         return _Session(study, folder, Serial()).run(False, None)
+
+
+def _restore_manifest(study: Study, folder: ResultFolder) -> None:
+    """Write the manifest of an unfinished folder anew if it is damaged, for parts of this study."""
+    if not folder.parts.folder.is_dir():
+        return
+    try:
+        is_damaged = not folder.manifest
+    except EqtError:
+        is_damaged = True
+    paths = [part.path for part in folder.parts.listed().values()]
+    paths += [path for path, _ in folder.parts.stopped().values()]
+    if not is_damaged or not paths or folder.results.exists():
+        return
+    kept = sum(is_of(study, path) for path in paths)
+    words = f"{folder.path}: {MANIFEST} is damaged or missing"
+    if not kept and not kind_of(folder.path / MANIFEST):
+        return  # they may be anybody's
+    if not kept:
+        parts = count_of(len(paths), "part")
+        raise EqtError(f"{words}, and none of the {parts} is of this experiment", OTHER_FOLDER)
+    reporter().remark(
+        EqtWarning(
+            f"{words}; {kept} of its {count_of(len(paths), 'part')} say that they are of "
+            "this experiment, and are used again"
+        )
+    )
+    plan, config = study.plans.data, study.numeric_config
+    record = {"name": study.name, "digest": study.digest, "plan": plan, "config": config}
+    write_record(folder.path / MANIFEST, record | {"begun": now()})
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:

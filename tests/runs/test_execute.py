@@ -483,6 +483,33 @@ def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
     assert_equal(out, whole)
 
 
+@pytest.mark.parametrize("damage", ["flipped", "cut", "missing"])
+def test_parts_are_used_again_where_the_manifest_is_damaged(damage, make, whole, tmp_path, remarks):
+    """They say themselves of which experiment they are."""
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    manifest = out / "manifest.json"
+    content = manifest.read_bytes()
+    at = content.index(b'"runs"') + 1
+    flipped = content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+    manifest.write_bytes({"flipped": flipped, "cut": content[:100], "missing": b""}[damage])
+    if damage == "missing":
+        manifest.unlink()
+    execute(make(), out)
+    assert_equal(out, whole)
+    [said] = [str(remark) for remark in remarks if "manifest.json" in str(remark)]
+    assert "manifest.json is damaged or missing; 3 of its 3 parts say" in said
+
+
+def test_a_damaged_manifest_of_another_experiment_is_told(make, tmp_path):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    (out / "manifest.json").write_bytes(b"{")
+    other = make(CONFIG.replace("seed: 1", "seed: 2"))
+    with pytest.raises(EqtError, match="is damaged or missing, and none of the 3"):
+        execute(other, out)
+
+
 # The lock.
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="locks files as POSIX does")

@@ -29,7 +29,9 @@ def judged(
     """
     name, _, function = plant.partition(":")
     file, loop = Path(name), next(iter(experiment.loops.values()))
-    if not function or not file.is_file() or file.suffix != ".py":
+    if function and file.suffix == ".py" and not file.is_file():
+        raise EqtError(f"--plant: {name}: not found; give the file of a plant in Python")
+    if not function or file.suffix != ".py":
         raise EqtError(f"--plant: expected FILE.py:FUNCTION of a file in Python, got {plant}")
     beside = file.with_suffix(".adapter.yaml")
     if adapter is None and not beside.is_file():

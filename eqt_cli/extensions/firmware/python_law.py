@@ -212,6 +212,10 @@ class Law:
             self.function = eval(self.request["function"], self.names | self.parameters)  # noqa: S307
             self.object = getattr(self.function, "__self__", None)
             self.state: dict[str, Any] = getattr(self.object, "__dict__", self.names)
+            for name in self.request["memory"]:
+                if name not in self.state:
+                    there = ", ".join(self.state) if self.object else "the names of the file"
+                    raise ValueError(f"memory: it keeps {there or 'nothing'}, and no {name}")
             self.first = {name: deepcopy(self.state[name]) for name in self.request["memory"]}
 
     def torque(self, row: list[float], period: float) -> Any:
