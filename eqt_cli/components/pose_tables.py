@@ -114,6 +114,9 @@ class LogMapping:
         Axes of the file, and the axes to convert them to.
     origin
         Pose of the file's frame in the world, as in `initial.pose`: every pose Q becomes origin Q.
+    geodetic
+        ``{lat: 48.1, lon: 11.5, alt: 500}``, deg and m: the point about which columns lat, lon and
+        alt become x, y, z. Default: that of the first row; of two files, the first one's.
     sensor
         Pose in the body of what was recorded, a marker or a sensor: Q becomes Q sensor⁻¹, and
         velocities V, which are those of the sensor, become Ad_sensor V. Wrenches are the body's.
@@ -139,6 +142,7 @@ class LogMapping:
     world: Literal["NED to ENU", "ENU to NED"] | None = None
     body: Literal["FRD to FLU", "FLU to FRD"] | None = None
     origin: Any = None
+    geodetic: dict[Literal["lat", "lon", "alt"], Real] | None = None
     sensor: Any = None
     rates: Literal["body", "spatial"] = "body"
     velocity: Literal["body", "spatial"] = "spatial"
@@ -161,6 +165,8 @@ class LogMapping:
         begin, end = self.time.begin, self.time.end
         if begin is not None and end is not None and not begin < end:
             problems.at("time", "end").add(f"expected a time after {begin:g} s, got {end:g} s")
+        if missing := {"lat", "lon"} - {*(self.geodetic or ("lat", "lon"))}:
+            problems.at("geodetic").add(f"lacks {', '.join(sorted(missing))}, in deg")
         headings = list(self.columns.values())
         for name, heading in self.columns.items():
             if headings.count(heading) > 1:

@@ -280,7 +280,8 @@ def log_errors(
             raise EqtError(f"mapping: of a log, errors take only {keys}")
     measured = _series(path, flight, mapping, format, topic)
     if second is not None:
-        goals = _series(second, other, of_second, second_format or format, setpoint)
+        about = None if flight else _point(path, mapping, format)
+        goals = _series(second, other, of_second, second_format or format, setpoint, about=about)
     elif flight is None:
         raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
     else:
@@ -308,12 +309,29 @@ def _instant(name: str, value: float | str, begins: Sequence[float]) -> float:
         raise EqtError(f"{name}: {expected}, got {value!r}") from None
 
 
+def _point(path: Any, mapping: Any, format: str) -> Any:
+    """Return the point about which latitudes of a table are positions; None without any."""
+    with _read(path, mapping, format) as (text, name, kind, columns):
+        positions = open_sheet(text, name, kind, columns).geodetic
+        return positions and positions.about._asdict()
+
+
 def _series(
-    path: Any, flight: Flight | None, mapping: Any, format: str, topic: str | None, of: str = ""
+    path: Any,
+    flight: Flight | None,
+    mapping: Any,
+    format: str,
+    topic: str | None,
+    of: str = "",
+    about: Any = None,
 ) -> dict[str, list[Series]]:
-    """Return the series of each quantity, the first of the table first; of a topic, if named."""
+    """Return the series of each quantity, the first of the table first; of a topic, if named.
+
+    Latitudes are about a point, if the mapping states none.
+    """
     if flight is None:
         with _read(path, mapping, format) as (text, name, kind, columns):
+            columns = replace(columns, geodetic=columns.geodetic or about)
             G = logs.largest_group(text, name, kind, columns)
             motions = logs.motions_of(read_log(text, name, kind, G, columns))
             return {quantity: [series] for quantity, series in motions.items()}

@@ -19,6 +19,8 @@ from eqt_cli.base.units import factor, offered
 from eqt_cli.components import pose_tables
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.extensions.recordings import geodetic
+from eqt_cli.extensions.recordings.geodetic import Geodetic, Positions
 
 # Units of columns, and what messages name of a mapping --------------------------------------------
 
@@ -216,6 +218,8 @@ class Sheet:
         Factors of columns by their names.
     damaged
         Whether parts of the file were skipped.
+    geodetic
+        What became of latitudes and longitudes, or None.
     """
 
     name: str
@@ -230,6 +234,7 @@ class Sheet:
     order: str = ""
     damaged: bool = False
     scale: Mapping[str, float] = field(default_factory=dict)
+    geodetic: Positions | None = None
 
     @property
     def header_place(self) -> str:
@@ -247,12 +252,33 @@ class Sheet:
         for kind, lines in table.dropped.items():
             rows = count_of(len(lines), f"{kind} row")
             yield f"{rows} left out, the first in line {lines[0]}"
-        pairs = zip(self.names, self.headings, strict=True)
-        if unused := [heading for name, heading in pairs if name not in table.columns]:
+        pairs, known = zip(self.names, self.headings, strict=True), {*table.columns}
+        if self.geodetic is not None:
+            known |= {*geodetic.NAMES}
+            yield f"latitude, longitude and altitude are {self.geodetic.words}"
+        if unused := [heading for name, heading in pairs if name not in known]:
             named = ", ".join(unused[:MAX_NAMED])
             more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
             verb = "is" if len(unused) == 1 else "are"
             yield f"column{'s' if len(unused) > 1 else ''} {named}{more} {verb} not used"
+
+    def with_positions(self, angles: Geodetic, mapping: LogMapping) -> Self:
+        """Return the sheet with columns of positions behind those of the file."""
+        names = [*self.names]
+        for key, place in angles.places.items():
+            names[place] = key
+        sheet = replace(self, names=names)
+        sheet._require_widths()
+        positions = angles.positions(sheet._numbers([*angles.places]), mapping)
+        cells = (",".join(map("{:.17g}".format, row)) for row in positions.rows.tolist())
+        return replace(
+            sheet,
+            names=[*names, *geodetic.AXES],
+            headings=[*self.headings, *[""] * len(geodetic.AXES)],
+            units=self.units | dict.fromkeys(geodetic.AXES, "m"),
+            lines=[f"{line},{more}" for line, more in zip(self.lines, cells, strict=True)],
+            geodetic=positions,
+        )
 
     def table(self, wanted: Collection[str]) -> LogTable:
         """Return the numbers of some of the columns.
@@ -372,9 +398,12 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
     known = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
-    return Sheet(
+    sheet = Sheet(
         name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
     )
+    geodetic.refuse_lengths(mapping, units_of)
+    angles = geodetic.geodetic_of(eqt_names, headings, known, mapping)
+    return sheet if angles is None or not lines else sheet.with_positions(angles, mapping)
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
@@ -416,7 +445,7 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
             if name in headings and not _is_eqt_name(name):
                 hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
-        if not _is_eqt_name(name):
+        if not _is_eqt_name(name) and name not in geodetic.NAMES:
             examples = ", ".join(
                 ("t", *pose_tables.QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx")
             )

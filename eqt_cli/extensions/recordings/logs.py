@@ -29,6 +29,7 @@ from eqt_cli.engines.compiler import Limits, run_contained
 from eqt_cli.extensions.recordings import frames, log_table, readers, recording, recording_check
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.first_bytes import format_of
+from eqt_cli.extensions.recordings.geodetic import AXES, NAMES
 from eqt_cli.extensions.recordings.log_table import LogTable, open_sheet, with_units
 from eqt_cli.extensions.recordings.readers import Topic
 from eqt_cli.extensions.recordings.recording import GAP, WRENCH, Log, in_span, read_log
@@ -604,7 +605,13 @@ def largest_group(
 
 
 def _uses(log: Log) -> Iterator[ColumnUse]:
+    positions = log.sheet.geodetic
     for name, heading in zip(log.sheet.names, log.sheet.headings, strict=True):
+        if positions is not None and name in (*NAMES, *AXES):
+            if heading:  # not the positions that eqt makes of them
+                written = log.sheet.units.get(name, "")
+                yield ColumnUse(heading, name, "pose", positions.units[name], not written)
+            continue
         if name not in log.table.columns:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue

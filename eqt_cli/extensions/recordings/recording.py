@@ -309,7 +309,7 @@ def in_span(time: pose_tables.TimeMapping, times: Array, since: float = 0.0) -> 
     return inside & ~beyond
 
 
-START_KEYS = set("columns units scale quaternion euler attitude world body drop".split())
+START_KEYS = set("columns units scale quaternion euler attitude world body geodetic drop".split())
 """The keys of a mapping that a table of initial states may have."""
 
 
