@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -325,6 +325,14 @@ class PassThrough(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command."""
         return command
+
+
+@runtime_checkable
+class VariesInTime(Protocol):
+    """An actuator with options that vary over the horizon."""
+
+    def check_until(self, end: float, problems: Problems) -> None:
+        """Note what it cannot do until `end`, s."""
 
 
 actuators = Registry(

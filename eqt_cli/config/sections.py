@@ -14,7 +14,7 @@ from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, 
 from eqt_cli.base.stored import WHEEL
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.accelerometer import Lever
-from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.actuators import Actuator, VariesInTime
 from eqt_cli.components.forces import Force, currents, in_currents
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import (
@@ -33,7 +33,6 @@ from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
 from eqt_cli.components.tasks import Point, task_of
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
@@ -718,7 +717,7 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
 def _check_until(horizon: float, parts: Sequence[Actuator], problems: Problems) -> None:
     """Note what actuators cannot do until the end of the runs."""
     for index, part in enumerate(parts):
-        if isinstance(part, Thrusters):
+        if isinstance(part, VariesInTime):
             part.check_until(horizon, problems.at(index))
 
 

@@ -3,8 +3,8 @@
 import subprocess
 import sys
 
-MOST = 45
-"""With the manifests of all extensions, which are 8."""
+MOST = 47
+"""With the manifests of all extensions, which are 10."""
 
 PROGRAM = """
 import sys
