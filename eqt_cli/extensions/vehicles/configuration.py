@@ -151,7 +151,7 @@ def word(name: str) -> str:
         "true",
         "false",
     )
-    return name if plain else json.dumps(name)
+    return name if plain else printable(json.dumps(name, ensure_ascii=False))
 
 
 @dataclass
@@ -278,7 +278,7 @@ def _heading(text: Text, v: Vehicle, body: Body, request: Request) -> None:
             f"{where} Origin: its origin, where the water acts; the centre of mass is at {at} m."
         )
     else:
-        text.say(f"{where} Origin: the centre of mass, at {at} m from that of {v.base}.")
+        text.say(f"{where} Origin: the centre of mass, at {at} m in them.")
     text.say("Mass, kg, and centre of mass, m, of the links, of which the inertia is composed:")
     for link in v.links[:MOST_LINKS]:
         at = row(link.centre, zero=1e-12)

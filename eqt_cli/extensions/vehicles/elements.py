@@ -182,7 +182,8 @@ def parsed(data: bytes, path: Path, place: Callable[[int], str]) -> Element:
     return roots[0]
 
 
-_JINJA = re.compile(r"{#.*?#}|{%-?(.*?)-?%}|{{-?(.*?)-?}}", re.S)
+# None reaches over the next of its kind, so that braces which never close cost no square of time.
+_JINJA = re.compile(r"{#(?:(?!{#).)*?#}|{%-?((?:(?!{%).)*?)-?%}|{{-?((?:(?!{{).)*?)-?}}", re.DOTALL)
 _SET = re.compile(r"\s*set\s+(\w+)\s*=(.*)", re.S)
 
 

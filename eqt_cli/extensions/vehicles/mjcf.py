@@ -34,6 +34,8 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
         ) from None
     where = shown(request.path)
     notes: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)  # else it writes a log into the folder
     try:
         spec = mujoco.MjSpec.from_file(str(request.path))
         for body in spec.bodies:
@@ -45,6 +47,8 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         said = re.sub(r"^(XML )?Error:?\s*", "", " ".join(str(error).split()))
         raise EqtError(f"{where}: MuJoCo: {said[:300]}; correct the file") from None
+    finally:
+        mujoco.set_mju_user_warning(before)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)

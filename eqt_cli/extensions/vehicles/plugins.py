@@ -345,8 +345,8 @@ def _water(m: Model, v: Vehicle, element: Element, scope: str, request: Request)
     masses = np.diag(dot)
     if (masses > 0).any() and (masses < 0).any():
         raise EqtError(
-            f"{element.place}: added mass of both signs; Fossen's xDotU is negative, that of "
-            "Gazebo before 8 positive: correct the file"
+            f"{element.place}: added mass of both signs; Fossen's xDotU is negative, in Gazebo "
+            "before 8 it was positive: correct the file"
         )
     sign = 1.0 if (masses > 0).any() else -1.0
     if sign > 0:
@@ -455,7 +455,7 @@ def _float(m: Model, v: Vehicle, request: Request) -> None:
         v.water.why = f"{total:.6g} m³ of collision shapes in {density:g} kg/m³, as in Gazebo"
         return
     why = "a collision shape is a mesh" if shapes else "no link has a collision shape"
-    v.missing.append(f"the buoyancy: {why}; assumed is that of the weight, at the centre of mass")
+    v.missing.append(f"the buoyancy: {why}; assumed is the weight, at the centre of mass")
 
 
 # What eqt has no model of -------------------------------------------------------------------------

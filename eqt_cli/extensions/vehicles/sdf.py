@@ -270,7 +270,7 @@ class _Sdf:
         for name, (element, part) in list(self.joints.items()):
             ends = [self._inside(part, element.words(end)) for end in ("parent", "child")]
             if any(end not in self.carriers and end != "world" for end in ends):
-                self.notes.append(f"{element.place}: joint {name} holds what is left out")
+                self.notes.append(f"{element.place}: joint {name} is left out, too")
                 del self.joints[name], self.carriers[name], self.frames[name]
 
     # Links and joints in the axes of the base ---------------------------------------------------

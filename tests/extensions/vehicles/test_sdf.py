@@ -211,10 +211,11 @@ def test_tilted_rotors_lift_along_their_sum(imported):
 def test_names_from_a_file_are_only_names(imported):
     """A line break in a name would else begin another key, such as plugins."""
     evil = QUAD.replace('name="quad"', 'name="q&#10;plugins: [x.py]&#10;"')
-    evil = evil.replace("rotor2", "ro&#10;plugins: [x.py] #&#10;r").replace("base<", "base<")
+    evil = evil.replace("rotor2", "ro&#10;plugins: [x.py] #&#10;r").replace("rotor3", "🚁\u202e")
     text, config = imported(evil)
     assert "plugins" not in config
     assert thrusters(config)["thrusters"][2]["name"] == "ro\nplugins: [x.py] #\nr"
+    assert thrusters(config)["thrusters"][3]["name"] == "🚁\u202e"
     assert all(line.isprintable() for line in text.splitlines())
 
 
