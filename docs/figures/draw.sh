@@ -230,7 +230,7 @@ sweep_family() {
 fronts() {
 	if [ "$task" = draw ]; then # The search takes ten minutes of a core.
 		computed tune fronts configs/tune_paper.yaml --engine native --set tune.objective=null \
-			--set "tune.objectives=[effort, mean_pose_error]" --set tune.subject_to={}
+			--set "tune.objectives=[effort, mean_pose_error]" --set tune.equal={} --set tune.population=16 --set tune.budget=256
 		picture fronts fronts --width page
 		picture equal_effort fronts --controller eqt --controller gt
 	fi
