@@ -11,7 +11,6 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.tasks import TRACK, Point, task_of
-from eqt_cli.loop.small_errors import by_axis
 
 EqT, Lee2010, Sliding = map(controllers.get, ("eqt", "lee2010", "sliding"))
 SO3, SE3 = group_named("SO3"), group_named("SE3")
@@ -70,8 +69,11 @@ def test_thresholds_are_of_what_counts():
     assert [problem.path for problem in problems] == ["rotation", "shape"]
 
 
+@pytest.mark.needs("proofs")
 def test_small_errors_across_the_axis_oscillate_with_k_over_j(tmp_path):
     """ω = √(k/J), ζ = k_d/(2√(kJ)) about x and y; the turn about z has no stiffness."""
+    from eqt_cli.extensions.proofs.meaning import by_axis
+
     keys = {"task": "{kind: point, axis: [0, 0, 1], at: [0, 1, 0]}", "reference": None}
     keys |= {"inertia": "[0.05, 0.04, 0.03]", "gains": "{kp: 0.1, kd: 0.08}"}
     loops = study_of(tmp_path, configuration(**keys, controllers="[eqt, lee2010]")).base.loops

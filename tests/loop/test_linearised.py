@@ -16,7 +16,6 @@ from eqt_cli.components.laws import Controller, EqT
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.loop.linearised import flow, linearised
-from eqt_cli.loop.small_errors import by_axis
 
 J, STIFFNESS, DAMPING = 0.4, 2.0, 0.8
 """Of the wheel: Υ = 2(1 − cos θ)."""
@@ -106,8 +105,11 @@ def test_the_flow_of_a_wheel():
     np.testing.assert_allclose(found[0, :2], [[0, 1, 0], [0, 0, 1 / J]], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.needs("proofs")
 def test_bandwidth_and_damping_of_small_errors():
     """Along each axis alone Jε̈ + kd ε̇ + 2 kp ε = 0; of a position ẍ + kv ẋ + kx x = 0."""
+    from eqt_cli.extensions.proofs.meaning import by_axis
+
     loop, _ = about_reference(BODY)
     for axis, inertia in zip("xyz", BODY["inertia"], strict=True):
         expected = (STIFFNESS / inertia) ** 0.5, DAMPING / (2 * (STIFFNESS * inertia) ** 0.5)

@@ -11,7 +11,7 @@ import eqt_cli
 from eqt_cli.base.arrays import stack
 from eqt_cli.components.laws import Lee2010
 from eqt_cli.config.remarks import gains_flown
-from eqt_cli.loop.small_errors import SAME, at_rest, by_axis
+from eqt_cli.loop.small_errors import SAME, at_rest
 
 W, J = 0.1, np.array([6.0, 7.03, 3.0])
 """Of the case of a satellite: both poles of each axis at −W, where Q_d = I."""
@@ -72,8 +72,11 @@ class Spring(Lee2010):
         return super().torque(s) + s.relative.gradient - SPRING * e
 
 
+@pytest.mark.needs("proofs")
 def test_bandwidths_are_those_of_the_torque_and_not_of_gains_that_a_law_does_not_read():
     """ω² = k/J and 2ζω = d/J."""
+    from eqt_cli.extensions.proofs.meaning import by_axis
+
     loop = eqt_cli.load_experiment(SATELLITE).base.loops["lee2010"]
     assert by_axis(loop)[1] == ["K", "K_d"]
     own, acting = by_axis(replace(loop, controller=Spring()))

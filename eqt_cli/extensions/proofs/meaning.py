@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eqt_cli.base.stored import SmallErrors
 from eqt_cli.cli.output import table
+from eqt_cli.components.matrix_groups import rigid
+from eqt_cli.components.mechanics import hessian_at_identity
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.remarks import gains_flown
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.proofs.authority import authority_table
-from eqt_cli.loop.small_errors import by_axis
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.small_errors import SAME, STEP, at_rest
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -28,6 +33,37 @@ def meaning(experiment: Experiment, shown: Horizon) -> Iterator[str | Text]:
     yield from lines
     if left := authority_table(experiment):
         yield from ("", left, "")
+
+
+def by_axis(loop: ClosedLoop) -> tuple[dict[str, tuple[float, float]], list[str]]:
+    """Return how errors at rest decay along each axis alone, and which of K and K_d act.
+
+    Bandwidth ω, rad/s, and damping ζ solve 𝕀ε̈ + Dε̇ + Hε = 0 at Q_d = I, with H and D of the law's
+    torque, where it tells them, else of kp and kd; and for a cascade with the position's gains.
+    Left out: couplings, limits, lags and delays.
+    """
+    inner, position, acting = loop.inside, getattr(loop.controller, "position", None), ["K", "K_d"]
+    G, J, gains = inner.group, inner.inertia.at(0.0).matrix, inner.gains
+    H, D = hessian_at_identity(G, inner.task.weight(gains.K)), gains.K_d
+    doubled = replace(loop, gains=replace(gains, K=2 * gains.K, K_d=2 * gains.K_d))
+    at = np.zeros(1), loop.group.identity[None]
+    one, two = at_rest(loop, *at), at_rest(doubled, *at)
+    if one and two:
+        flown = J @ one.stiffness[0], J @ one.damping[0]  # with the rounding of differences
+        same = [
+            np.abs(a - b).max() <= SAME * np.abs(a).max() for a, b in ((H, flown[0]), (D, flown[1]))
+        ]
+        H, D = (H if same[0] else flown[0]), (D if same[1] else flown[1])
+        # Options that follow the gains have followed them when the law was built.
+        acting = acting if inner.controller.defaults(G, gains) else one.changes(two)
+    J, H, D = map(np.diagonal, (J, H, D))
+    oscillators = list(zip(G.axis_names, H / J, D / J, strict=True))
+    if position is not None:
+        kx, kv = (np.broadcast_to(k, rigid(loop.group).space) for k in (position.kx, position.kv))
+        oscillators += zip("xyz", kx, kv, strict=False)
+    least = STEP**4 * max(k for _, k, _ in oscillators)
+    sizes = {axis: (math.sqrt(k), d) for axis, k, d in oscillators if k > least}
+    return {axis: (w, d / (2 * w)) for axis, (w, d) in sizes.items()}, acting
 
 
 def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
