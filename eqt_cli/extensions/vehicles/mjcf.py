@@ -89,13 +89,13 @@ def _without_files(mujoco: Any, spec: Any, request: Request, notes: list[str]) -
         notes.append(f"{shown(request.path)}: {len(missing)} mesh files are missing: without mass")
 
 
-def _lines(spec: Any, where: str) -> dict[tuple[str, str], str]:
-    """Return the places of bodies and actuators by their names."""
+def _lines(spec: Any, where: str) -> dict[tuple[str, int], str]:
+    """Return the places of bodies and actuators by their numbers."""
     places = {}
     for kind, elements in (("body", spec.bodies), ("actuator", spec.actuators)):
         for element in elements:
             line = re.search(r"line (\d+)", element.info or "")
-            places[kind, element.name] = f"{where}:{line[1]}" if line else where
+            places[kind, element.id] = f"{where}:{line[1]}" if line else where
     return places
 
 
@@ -108,7 +108,7 @@ class _Mjcf:
         model: Any,
         data: Any,
         where: str,
-        lines: dict[tuple[str, str], str],
+        lines: dict[tuple[str, int], str],
         notes: list[str],
     ) -> None:
         self.mujoco, self.model, self.data, self.lines = mujoco, model, data, lines
@@ -124,9 +124,9 @@ class _Mjcf:
         self.to_body = data.xmat[self.base].reshape(3, 3).T
         self.origin = data.xpos[self.base]
 
-    def place(self, kind: str, name: str) -> str:
+    def place(self, kind: str, number: int) -> str:
         """Return the file and line of an element."""
-        return self.lines.get((kind, name), self.where)
+        return self.lines.get((kind, number), self.where)
 
     def vehicle(self, name: str, request: Request) -> Vehicle:
         """Return the vehicle."""
@@ -168,7 +168,7 @@ class _Mjcf:
         centre = self.to_body @ (data.xipos[b] - self.origin)
         J = R @ np.diag(model.body_inertia[b]) @ R.T
         pose = pose_of(self.to_body @ data.xmat[b].reshape(3, 3), np.zeros(3))
-        return Link(name, self.place("body", name), pose, float(model.body_mass[b]), centre, J)
+        return Link(name, self.place("body", b), pose, float(model.body_mass[b]), centre, J)
 
     def _range(self, k: int) -> tuple[float, float] | None:
         """Return the least and largest force of an actuator."""
@@ -184,8 +184,11 @@ class _Mjcf:
     def _actuator(self, k: int, v: Vehicle, links: dict[int, Link], request: Request) -> str | None:
         """Add an actuator; return what it is if it gives a torque alone."""
         model, kinds = self.model, self.mujoco.mjtTrn
-        name = model.actuator(k).name or f"actuator {k}"
-        place, kind = self.place("actuator", name), model.actuator_trntype[k]
+        place, kind = self.place("actuator", k), model.actuator_trntype[k]
+        name = model.actuator(k).name
+        if not name and kind == kinds.mjTRN_SITE:
+            name = model.site(model.actuator_trnid[k, 0]).name
+        name = name or f"actuator {k}"
         is_motor = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] == 0
         if kind == kinds.mjTRN_JOINT and is_motor and (v.floats or request.kind == "satellite"):
             self._wheel(k, place, v, links)
