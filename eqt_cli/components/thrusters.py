@@ -705,21 +705,8 @@ class Thrusters(Solving, Running):
         return apply_matrix(self.inverse, torque), self.low, self.high, ""
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
-        """Yield remarks on what a law asks for and is not given, and on what else it is given."""
-        B = self.columns(G)
-        rows = wanted @ B
-        yield from lost_directions(G, wanted, rows, self.least, self.name)
-        inverse = allocation(rows, self.least, np.ones(self.count))[0]
-        beside = (B - wanted.T @ rows) @ inverse
-        size = np.abs(B).max() * np.abs(inverse).max()
-        of_each = [
-            (_in_words(more.round(9), G.axis_names, True), _in_words(row, G.axis_names, True))
-            for row, more in zip(wanted, beside.T, strict=True)
-            if np.abs(more).max() > np.sqrt(SMALLEST) * size
-        ]
-        if of_each:
-            words = ", ".join(f"{more} with 1 {axis}" for more, axis in of_each)
-            yield f"push along other directions, too, in N and N m: {words}"
+        """Yield remarks on the directions in which thrusts push not at all, hardly, or in part."""
+        yield from lost_directions(G, wanted, wanted @ self.columns(G), self.least, self.name)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid matrix or invalid places, and numbers that do not fit them."""
@@ -970,19 +957,15 @@ def unreachable(B: Array, least: float = SMALLEST) -> Array:
     return np.where(np.abs(rows) < np.sqrt(SMALLEST), 0.0, rows)
 
 
-def _in_words(direction: Array, names: Sequence[str], signed: bool = False) -> str:
+def _in_words(direction: Array, names: Sequence[str]) -> str:
     """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``.
 
-    Unless it is `signed`, its first number that is not 0 is 1.
+    Its first number that is not 0 is 1.
     """
     words = ""
     for number, name in zip(direction.tolist(), names, strict=True):
         if number:
-            sign = (
-                (" − " if number < 0 else " + ")
-                if words
-                else ("−" if signed and number < 0 else "")
-            )
+            sign = (" − " if number < 0 else " + ") if words else ""
             size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
             words += f"{sign}{size}{name}"
     return words

@@ -7,7 +7,7 @@ directions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 NOTHING = 1e-6
 """Share of what all members could do along a direction, below which nothing is left: linear
 programmes meet their constraints to 1e-7."""
+
+BESIDE = 1e-3
+"""Force or torque that a unit of another one brings along, below which it is none."""
 
 TRIED = 1e-4
 """Share of the same, by which an allocation is tried from rest."""
@@ -213,6 +216,18 @@ def _columns(members: Members, left: dict[bool, Array | None]) -> list[str]:
     return [f"{name}, {unit}" for name, unit in zip(members.names, milli, strict=True)]
 
 
+def beside(each: Members, directions: Sequence[str]) -> Iterator[str]:
+    """Yield what each direction brings along others, in which no law asks for anything."""
+    if each.part.takes == THRUSTS or each.part.name == "wheels":
+        return
+    rest = np.eye(len(directions)) - np.linalg.pinv(each.wanted) @ each.wanted
+    moved = rest @ np.asarray(each.part.matrix) @ each.part.inverse @ np.linalg.pinv(each.wanted)
+    for name, column in zip(each.names, moved.T, strict=True):
+        for k in np.flatnonzero(np.abs(column) > BESIDE).tolist():
+            unit = "N m" if directions[k].startswith("torque") else "N"
+            yield f"{column[k]:.3g} {unit} of {directions[k]} with 1 of {name}".replace("-", "−")
+
+
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[KeyPath, str]]:
     """Yield remarks on directions in which limits leave nothing, and on what is always cut.
 
@@ -233,6 +248,8 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
                 "command is cut; `allocation: bounded` finds thrusts that give the torque",
             )
             continue
+        if words := ", ".join(beside(each, experiment.group.directions)):
+            yield key, f"{each.part.name} give more than the law asks for: {words}"
         failing = each.fails is not None and each.fails.at <= experiment.config.time.duration
         before = each.left() if failing or shown is not None else None
         if before is None:

@@ -142,3 +142,19 @@ def test_a_vehicle_that_holds_its_weight_only_up_to_a_small_tilt() -> None:
     [remark] = [text for text in said(config) if "tilt of" in text]
     assert "cascade" in remark
     assert not any("tilt of" in text for text in said(tilted_hexarotor(50.0, high=20.0)))
+
+
+def test_what_canted_rotors_push_besides_is_said() -> None:
+    """A torque about z takes a side force of each rotor: B (W B)⁺ by NumPy, outside of W."""
+    config = rotors([30, 150, 210, 330], [1, -1, 1, -1])
+    for rotor in config["actuators"][0]["thrusters"]:
+        rotor["along"] = [0.0, 0.2 * np.sign(rotor["turns"]), 1.0]
+    law = config["controllers"][0]
+    law["along"] = [0.0, 0.0, 1.0]
+    quad = members(config)
+    B, W4 = np.asarray(quad.part.matrix), np.eye(6)[[0, 1, 2, 5]]
+    moved = (B @ np.linalg.pinv(W4 @ B))[4]
+    [words] = [text for text in said(config) if "more than the law asks for" in text]
+    for name, force in zip(quad.names, moved.tolist(), strict=True):
+        part = f"{force:.3g} N of force y with 1 of {name}".replace("-", "−")
+        assert (part in words) == (abs(force) > 1e-3)
