@@ -228,7 +228,7 @@ sweep_family() {
 }
 
 fronts() {
-	if [ "$task" = draw ]; then # The search takes ten minutes of a core.
+	if [ "$task" = draw ]; then # The search takes 75 s of CPU time.
 		computed tune fronts configs/tune_paper.yaml --engine native --set tune.objective=null \
 			--set "tune.objectives=[effort, mean_pose_error]" --set tune.equal={} --set tune.population=16 --set tune.budget=256
 		picture fronts fronts --width page
