@@ -49,7 +49,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.study import study
 from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler
-from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, Program, c_function
+from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, NUMBERS, Program, c_function
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import executors
 from eqt_cli.runs.batches import batches
@@ -798,7 +798,10 @@ def in_c() -> Callable[..., dict[str, Array]]:
         library = _compiled(program, compiler)
         if library is None:
             pytest.skip(f"no {compiler} on this machine")
-        given = [np.ascontiguousarray(inputs[group], dtype=float) for group, _ in program.inputs]
+        given = [np.ravel(np.asarray(inputs[group], dtype=float)) for group, _ in program.inputs]
+        for k, (group, length) in enumerate(program.inputs):
+            if group == NUMBERS and len(given[k]) + len(program.numbers) == length:
+                given[k] = np.append(given[k], program.numbers)
         found = {output.name: np.empty(output.shape) for output in program.outputs}
         arrays = [*given, *found.values()]
         library.function(*(array.ctypes.data_as(ctypes.c_void_p) for array in arrays))

@@ -264,7 +264,7 @@ def test_findings_are_short_on_a_screen_and_tables_in_a_notebook(result):
 def test_findings_are_data_frames(result):
     table = eqt_cli.compare(result, ["effort"]).to_dataframe()
     assert len(table) == 6  # pairs of four laws
-    assert {"metric", "difference", "low", "high", "word", "answer"} <= {*table.columns}
+    assert {"metric", "difference", "low", "high", "word", "adjusted_p"} <= {*table.columns}
     assert list(eqt_cli.margins(result).to_dataframe().label) == ["eqt", "gt", "nog", "asym"]
 
 

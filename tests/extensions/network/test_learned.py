@@ -78,7 +78,7 @@ def test_a_run_starts_near_its_curve(learned):
 
 @UNREACHABLE
 def test_the_shipped_laws_begin_to_fly(tmp_path):
-    laws = flown(tmp_path, 1, 0.1, "solve_ivp", metrics=["reward"])
+    laws = flown(tmp_path, 1, 0.3, "solve_ivp", metrics=["reward"])
     assert set(laws) == {"published", "tuned", "network"}
     for law in laws.values():
         assert np.isfinite(law.reward.values).all()
