@@ -575,6 +575,16 @@ PlantInertia = Annotated[
 """As `InertiaValue`, or relative to it; constant numbers may be drawn for each run."""
 
 
+def _known_kind(value: Any) -> str | None:
+    return "list" if isinstance(value, list) else "text" if value == "plant" else None
+
+
+KnownForces = Annotated[
+    Annotated[Literal["plant"], Tag("text")] | Annotated[list[KnownForce], Tag("list")],
+    one_of(_known_kind, "'plant' or a list"),
+]
+
+
 class ModelSection(Section):
     """What laws know of the plant, besides `inertia`.
 
@@ -586,7 +596,7 @@ class ModelSection(Section):
         body at rest; `known_forces: false` in its entry leaves them out.
     """
 
-    forces: Literal["plant"] | list[KnownForce] | None = None
+    forces: KnownForces | None = None
 
 
 class PlantSection(Section):
