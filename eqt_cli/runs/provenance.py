@@ -60,11 +60,12 @@ def versions() -> dict[str, Any]:
 
 def provenance(folder: Path, tools: Mapping[str, str]) -> dict[str, Any]:
     """Describe this machine, the tools of the engine, and the session of a configuration."""
+    command = os.fsencode(" ".join(["eqt", *sys.argv[1:]]))  # names of files need not be UTF-8
     return {
         **versions(),
         **tools,
         "cpu_count": os.cpu_count(),
-        "command": " ".join(["eqt", *sys.argv[1:]]),
+        "command": command.decode(errors="backslashreplace"),
         "started": now(),
         "git": commit_of(folder),
     }

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from said import error_of
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.runs.lock import locked
+from eqt_cli.runs.provenance import provenance
 
 OWN_FIGURE = b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>"
 
@@ -220,3 +222,8 @@ def test_what_another_process_is_about_is_left_to_it(run):
     with locked(folder.path):
         assert run().was_complete
         assert (folder.path / "parts").exists()
+
+
+def test_a_name_that_is_not_utf_8_is_recorded_with_an_escape(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["eqt", "run", os.fsdecode(b"r\xe9sum\xe9.yaml")])
+    assert provenance(tmp_path, {})["command"] == r"eqt run r\xe9sum\xe9.yaml"
