@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import runpy
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
+from eqt_cli.base.reporting import reporter
 from eqt_cli.runs.executors import AGAIN, MOST_TRIES, Pool, Pooled
 
 MOST_JOBS = 10
@@ -26,6 +29,13 @@ AHEAD = 1000
 LAUNCH_SECONDS = 5.0
 """Longest wait for Parsl to send what it has begun to send, s; it sends within milliseconds, unless
 its interchange has ended."""
+
+CLOSE_SECONDS = 60.0
+"""Longest wait for Parsl to close, s. It asks its interchange without a limit, so that one that is
+stopped would keep it for ever."""
+
+CANCEL_SECONDS = 20.0
+"""Longest wait for a queue to cancel jobs after that, s."""
 
 _HERE = ("127.0.0.1", "::1", "localhost")
 
@@ -42,8 +52,47 @@ def _close(kernel: Any, heads: Sequence[Any]) -> None:
     for head in heads:  # else closing waits for ever for these tasks
         if hasattr(head, "outgoing_q"):
             head.outgoing_q.zmq_socket.linger = 0
-    if not kernel.cleanup_called:
-        kernel.cleanup()
+    if kernel.cleanup_called or _within(CLOSE_SECONDS, kernel.cleanup):
+        return
+    atexit.unregister(kernel.atexit_cleanup)  # which would wait as long
+    import parsl
+
+    parsl.clear()  # for the next session of this process
+    for head in heads:
+        if head.interchange_proc is not None:
+            head.interchange_proc.kill()
+    left = [words for head in heads if (words := _jobs_left(head))]
+    advice = f"; {', '.join(left)} may still run: cancel them in the queue" if left else ""
+    said = f"executor parsl: did not close within {CLOSE_SECONDS:g} s, and was ended{advice}"
+    reporter().remark(EqtWarning(said))
+
+
+def _jobs_left(head: Any) -> str:
+    """Cancel the jobs of an executor, and return which of them may still run."""
+    jobs, cancelled = list(head.blocks_to_job_id.values()), []
+    if jobs:
+        _within(CANCEL_SECONDS, lambda: cancelled.extend(head.provider.cancel(jobs)))
+    done = dict(zip(jobs, cancelled, strict=False))
+    left = [str(job) for job in jobs if not done.get(job)]
+    return f"jobs {', '.join(left)} of {head.label}" if left else ""
+
+
+def _within(seconds: float, action: Callable[[], object]) -> bool:
+    """Whether an action returns in this time; else, it goes on in a thread that nobody awaits."""
+    errors: list[Exception] = []
+
+    def act() -> None:
+        try:
+            action()
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=act, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if errors:
+        raise errors[0]
+    return not thread.is_alive()
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import pytest
 from plugin_sources import component
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.stored import Status
+from eqt_cli.extensions.cluster import executors
 from eqt_cli.extensions.cluster.executors import Dask, Parsl
 from eqt_cli.runs.executors import MOST_TRIES, Outcome
 
@@ -40,8 +43,9 @@ config = Config(executors=[head])
 TASK = """
 import os, signal, time
 from pathlib import Path
+from types import SimpleNamespace
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 
 
 class Task:
@@ -307,3 +311,38 @@ def test_templates_of_the_page_are_accepted(tmp_path):
         path.write_text(text)
         config = Parsl(at=str(path))._config(parsl.Config)
         assert config.executors[0].provider.max_blocks == 2
+
+
+def test_closing_ends_where_the_interchange_is_stopped(task, cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "CLOSE_SECONDS", 6.0)
+    folder = tmp_path / "result"
+    folder.mkdir()
+    said = pytest.warns(EqtWarning, match="did not close within 6 s, and was ended")
+    with said, Parsl(at=str(cluster)).opened(folder) as opened:
+        assert list(opened.outcomes(task, [4])) == [Outcome(4, 0)]
+        [head] = [p for p in processes("interchange") if parent(p) == os.getpid()]
+        os.kill(head, signal.SIGSTOP)
+        begun = time.monotonic()
+    assert time.monotonic() < begun + 30
+    wait_for(lambda: not processes(str(folder)) + processes(str(tmp_path), of="environ"), 20)
+
+
+@pytest.mark.parametrize(("cancelled", "left"), [((True, False), "11"), ((), "10, 11")])
+def test_jobs_that_are_not_cancelled_are_named(monkeypatch, cancelled, left):
+    monkeypatch.setattr(executors, "CLOSE_SECONDS", 0.01)
+    monkeypatch.setattr(executors, "CANCEL_SECONDS", 0.01)
+    cancel = (lambda jobs: cancelled) if cancelled else lambda jobs: time.sleep(0.2)
+    head = SimpleNamespace(
+        label="queue",
+        blocks_to_job_id={"0": "10", "1": "11"},
+        interchange_proc=None,
+        provider=SimpleNamespace(cancel=cancel),
+    )
+    kernel = SimpleNamespace(
+        cleanup_called=False,
+        cleanup=lambda: time.sleep(0.2),
+        atexit_cleanup=print,
+        _task_launch_pool=ThreadPoolExecutor(),
+    )
+    with pytest.warns(EqtWarning, match=f"jobs {left} of queue may still run: cancel them"):
+        executors._close(kernel, [head])
