@@ -13,7 +13,7 @@ import math
 import os
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NoReturn, TypeAlias
 
@@ -63,6 +63,11 @@ class Source:
     _keys: dict[KeyPath, _Position] = field(repr=False)
     comment: str = field(default="", repr=False)
     located: bool = True
+
+    @property
+    def paths(self) -> Iterable[KeyPath]:
+        """The paths of all parts."""
+        return self._values
 
     def place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the value at `path`, or of its nearest ancestor."""

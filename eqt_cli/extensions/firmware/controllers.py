@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
-from eqt_cli.base.errors import EqtError, InputError, Problems, Remedy, TraceError
+from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
 from eqt_cli.base.stored import THRUSTER
@@ -278,9 +278,10 @@ class Adapter:
 
 def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | None:
     """Return the adapter in a file, for C; raises an `EqtError` where it is none."""
-    at = Problems(lambda _: os.fspath(file))
-    data = load(text_of(Path(file), "it is an adapter", InputError), str(file)).data
-    law: Code = Kind(controllers).checked({"kind": "code", "file": "law", "adapter": data}, at, G)
+    source = load(text_of(Path(file), "it is an adapter", InputError), str(file))
+    at = Problems(lambda path: source.key_place(path[1:]))  # below `adapter` of the law
+    options = {"kind": "code", "file": "law", "adapter": source.data}
+    law: Code = Kind(controllers).checked(options, at, G)
     if not at and law.adapter and law.adapter.output.order:
         at.at("adapter", "output", "order").add("is for laws that fly; export all of a torque")
     at.raise_if_any()
@@ -813,14 +814,18 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
     entry = {**(known[0] if known else {"kind": Code.name, "file": name, "label": file.stem})}
     entry |= {"function": function} if function else {}
+    places: dict[KeyPath, str] = {}
     if adapter:
-        entry["adapter"] = load(text_of(adapter, "it is an adapter", InputError), str(adapter)).data
+        source = load(text_of(adapter, "it is an adapter", InputError), str(adapter))
+        entry["adapter"], at = source.data, ("controllers", 0, "adapter")
+        places = {(*at, *path): source.key_place(path) for path in source.paths}
     if claimed is not None:
         meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
         shared = {key: meant[key] for key in ("gains", "known_forces") if key in meant}
         options = {key: meant[key] for key in meant if key not in {"label", *shared}}
         entry |= {"as": options or claimed} | shared
-    return changed_at(document, ("controllers",), [entry], "--code")
+    document = changed_at(document, ("controllers",), [entry], "--code")
+    return replace(document, changes=document.changes | places)
 
 
 def first_inputs(G: MatrixLieGroup, steps: int = 0) -> LawInput:

@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import EqtError, InputError, Problems
+from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Real, shown, validated
 from eqt_cli.base.units import size_of
-from eqt_cli.base.yaml_source import load
+from eqt_cli.base.yaml_source import Source, load
 from eqt_cli.components.blocks import acting_force
 from eqt_cli.components.forces import Restoring
 from eqt_cli.components.groups import MatrixLieGroup
@@ -239,6 +239,19 @@ class PlantAdapter:
         return "" if isinstance(self.returns, str) else self.returns["state"]
 
 
+def _problems_in(source: Source) -> Problems:
+    """Return problems with places in an adapter, whose named state is checked as a list."""
+    state = source.data.get("state")
+    names = [*state] if isinstance(state, dict) else []
+
+    def located(path: KeyPath) -> str:
+        if names and path[:1] == ("state",) and len(path) > 1:
+            path = ("state", names[int(path[1])], *path[2:])
+        return source.key_place(path)
+
+    return Problems(located)
+
+
 def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     """Return the adapter in a file.
 
@@ -247,15 +260,16 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     EqtError
         If it is no adapter of a plant on this group, or this is not covered.
     """
-    problems = Problems(lambda _: str(file))
     if G.name not in COVERED:
         raise EqtError(f"--plant: {G.name} is not covered; {' and '.join(COVERED)} are")
-    data: Any = load(text_of(file, "it is an adapter", EqtError), str(file)).data
-    state = data.get("state") if isinstance(data, dict) else None
-    if not isinstance(state, dict | list) or not state:
-        raise EqtError(f"{file}: state: expected the parts of the state in their order")
+    source = load(text_of(file, "it is an adapter", EqtError), str(file))
+    data, problems = source.data, _problems_in(source)
+    state: Any = data.get("state")
     if isinstance(state, dict):
         data, state = {**data, "names": [*state]}, [*state.values()]
+    if not isinstance(state, list) or not state:
+        problems.at("state").add("expected the parts of the state in their order")
+        problems.raise_if_any()
     parts = [{"signal": part} if isinstance(part, str) else part for part in state]
     adapter: Any = validated(PlantAdapter, {**data, "state": parts}, problems)
     needed = [*KINDS] if rigid_motions(G) else [*TURNS.values()]

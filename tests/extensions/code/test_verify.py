@@ -159,6 +159,16 @@ def test_the_simplified_lee_law_fails(written, config, eqt):
     assert eqt(*asked).code == 0
 
 
+def test_an_error_of_an_adapter_has_its_line(written, eqt, config):
+    written()
+    Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
+    Path("lee.adapter.yaml").write_text(
+        "inputs:\n  q: {signal: pose, unti: deg}\n", encoding="utf-8"
+    )
+    said = "lee.adapter.yaml:2:21: controllers[0].adapter.inputs.q.unti: unknown key"
+    assert said in eqt("verify", "c.yaml", "--code", "lee.c", "--as", "lee2010").err
+
+
 def test_what_the_command_says(written, eqt, config):
     written()
     Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
