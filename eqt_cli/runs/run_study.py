@@ -229,16 +229,16 @@ def _restore_manifest(study: Study, folder: ResultFolder) -> None:
     paths += [path for path, _ in folder.parts.stopped().values()]
     if not is_damaged or not paths or folder.results.exists():
         return
-    kept = sum(is_of(study, path) for path in paths)
+    ours = sum(is_of(study, path) for path in paths)
     words = f"{folder.path}: {MANIFEST} is damaged or missing"
-    if not kept and not kind_of(folder.path / MANIFEST):
+    if not ours and not kind_of(folder.path / MANIFEST):
         return  # they may be anybody's
-    if not kept:
+    if not ours:
         parts = count_of(len(paths), "part")
         raise EqtError(f"{words}, and none of the {parts} is of this experiment", OTHER_FOLDER)
     reporter().remark(
         EqtWarning(
-            f"{words}; {kept} of its {count_of(len(paths), 'part')} say that they are of "
+            f"{words}; {ours} of its {count_of(len(paths), 'part')} say that they are of "
             "this experiment, and are used again"
         )
     )
