@@ -191,7 +191,7 @@ class Cascade(OuterLoop, ReadsLimits):
     reads_flat_output: ClassVar[bool] = True
     reads_gains: ClassVar[bool] = False
 
-    attitude: str | dict[str, Any]
+    attitude: str | dict[str, Any] = field(compare=False)  # `inner` is what counts
     position: PositionGains
     rates: Literal["model", "filter", "reference", "heading", "none"] = "model"
     bandwidth: Annotated[Positive | None, Scale("bandwidth", "rad/s")] = None

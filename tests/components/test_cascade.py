@@ -293,6 +293,14 @@ def roots(*polynomials):
     return found[np.lexsort((found.imag.round(6), found.real.round(6)))]
 
 
+def test_gains_of_the_attitude_law_are_numbers_of_one_structure():
+    """So that a tuning of them traces it once."""
+    inside = ({"kind": "goodarzi2013", "ki": ki, "c2": 1.0} for ki in (0.1, 0.2))
+    one, two = (loop_of(law={"attitude": law}).controller for law in inside)
+    assert one.structure == two.structure
+    assert (one.inner.ki, two.inner.ki) == (0.1, 0.2)
+
+
 def test_hover_has_the_poles_of_position_and_attitude():
     expected = roots(*[[1, KV, KX]] * 3, *([j, KW, KR] for j in J))
     np.testing.assert_allclose(eigenvalues(loop_of()), expected, atol=1e-6)

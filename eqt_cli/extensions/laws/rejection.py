@@ -64,7 +64,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     bounded: ClassVar[tuple[str, float, str]]
     """The option that has a bound, this bound times the control period, and the unit."""
 
-    law: str | dict[str, Any]
+    law: str | dict[str, Any] = field(compare=False)  # `inner` is what counts
     lag: Annotated[Real | list[Real] | None, Scale("believed lag", "s")] = field(
         default=None, kw_only=True
     )

@@ -19,7 +19,15 @@ import numpy as np
 from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Problems
-from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, count_of, reporter, step
+from eqt_cli.base.reporting import (
+    RUNS_DONE,
+    InNotebook,
+    brief,
+    count_of,
+    reporter,
+    step,
+    working_for,
+)
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.document import Document, changed_at, expanded
 from eqt_cli.config.experiment import Experiment
@@ -334,6 +342,10 @@ def _tried(
     return fronts.trials(before, fronts.generator(seed, number), search.keeps_ends)
 
 
+MOST_CHECKED = 8
+"""Largest number of points of a law that an estimate checks; a search checks all."""
+
+
 @dataclass(frozen=True)
 class Expected:
     """The expected size and duration of a search.
@@ -364,8 +376,9 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
         first = search.first_points(law)
         tried += len(first)
         for case in search.in_cases(law).values():
-            points = study(swept(case, columns(law, first)))
-            estimated = estimate(points, executor, share)
+            with working_for(law.label), reporter().busy(f"timing {law.label}"):
+                points = study(swept(case, columns(law, first)), most_checked=MOST_CHECKED)
+                estimated = estimate(points, executor, share)
             workers = max(workers, estimated.workers)
             if estimated.seconds is None:
                 return Expected(search.points, search.all_runs, None, workers)

@@ -332,6 +332,15 @@ def test_rotors_that_run_begin_against_the_forces_that_the_law_knows(experiment_
     np.testing.assert_allclose(s.memory["actuated"], weight, rtol=0, atol=1e-12)
 
 
+def test_gains_of_the_law_inside_are_numbers_of_one_structure(experiment_of):
+    """So that a tuning of them traces it once."""
+    inside = ({"kind": "goodarzi2013", "ki": ki, "c2": 1.0} for ki in (0.1, 0.2))
+    bases = (changed(ATTITUDE, controllers=[LAW | {"law": law}]) for law in inside)
+    one, two = (experiment_of(base).loop.controller for base in bases)
+    assert one.structure == two.structure
+    assert (one.inner.ki, two.inner.ki) == (0.1, 0.2)
+
+
 @from_yaml
 def test_what_is_wrong_is_said_at_its_place(experiment_of, base, changes, said):
     bases = {"attitude": ATTITUDE, "body": ATTITUDE | BODY}
