@@ -215,7 +215,7 @@ def test_the_header_says_what_the_adapter_says(adapted):
     [
         ({"q": ROTATION["q"]},
          "lee2010: the adapter lacks velocity, or a part of it; add an input"),
-        ({"q-1": ROTATION["q"]}, "a.yaml: adapter.inputs.q-1: expected a name in C, got 'q-1'"),
+        ({"q-1": ROTATION["q"]}, "a.yaml:2:3: adapter.inputs.q-1: expected a name in C, got 'q-1'"),
     ],
 )  # fmt: skip
 def test_an_adapter_that_gives_no_law(inputs, said, adapted):
