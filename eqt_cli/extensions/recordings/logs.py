@@ -406,7 +406,7 @@ def table_of(flight: Flight) -> str:
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
     damaged = any(each.kind == "damaged" for each in flight.topics)
     parts = [log_table.DAMAGED if damaged else log_table.CONVERTED, "\n", ",".join(headings), "\n"]
-    row_format = ",".join("%.9f" if x.endswith("(s)") else "%.9g" for x in headings) + "\n"
+    row_format = ",".join("%.9f" if x.endswith("(s)") else "%r" for x in headings) + "\n"
     for first in range(0, len(table), CHUNK):
         rows = table[first : first + CHUNK].tolist()
         parts.append("".join(row_format % tuple(row) for row in rows))

@@ -144,7 +144,7 @@ def _quaternions(form: str, numbers: Array) -> Array:
 def with_columns(text: str, names: str, columns: Array) -> str:
     """Return a table with further columns; its lines keep their numbers."""
     (head, *lines), cells = text.removeprefix(f"{CONVERTED}\n").splitlines(), iter(columns.tolist())
-    rows = [",".join([x, *map("{:.12g}".format, next(cells))]) if x.strip() else x for x in lines]
+    rows = [",".join([x, *map(repr, next(cells))]) if x.strip() else x for x in lines]
     return "\n".join([f"{head},{names}", *rows, ""])
 
 
