@@ -134,7 +134,7 @@ class _Mjcf:
         held = [b for b in range(1, model.nbody) if model.body_rootid[b] == model.body_rootid[base]]
         links = {b: self._link(b) for b in held}
         base_name = model.body(base).name or "the free body"
-        heavy = [link for link in links.values() if link.mass > 0]
+        heavy = [link for link in links.values() if link.mass > 0 or link.inertia.any()]
         v = Vehicle(name, "MJCF", base_name, heavy, notes=self.notes)
         gravity = float(np.linalg.norm(model.opt.gravity))
         v.floats = gravity == 0

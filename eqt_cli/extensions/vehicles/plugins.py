@@ -52,7 +52,7 @@ def equipped(model: Model, request: Request) -> Vehicle:
         With file and line, for what is wrong, or what eqt has no model of.
     """
     links = list(model.links.values())
-    heavy = [link for link in links if link.mass > 0]
+    heavy = [link for link in links if link.mass > 0 or link.inertia.any()]
     vehicle = Vehicle(model.name, model.form, model.base, heavy, notes=model.notes)
     vehicle.floats = bool(heavy) and all(link.floats for link in heavy)
     readers: list[tuple[str, Callable[[Model, Vehicle, Element, str, Request], None]]] = [

@@ -30,6 +30,15 @@ def test_links_are_composed_about_their_centre_of_mass(imported):
     assert config["model"]["forces"][0]["weight"] == pytest.approx(MASS * 9.80665, rel=DIGITS)
 
 
+def test_a_link_without_mass_keeps_its_inertia(imported):
+    camera = """<link name="camera"><pose>1 2 3 0 0 0</pose><inertial><mass>0</mass>
+      <inertia><ixx>0.3</ixx><iyy>0.5</iyy><izz>0.6</izz></inertia></inertial></link>
+      <joint name="held" type="fixed"><parent>base</parent><child>camera</child></joint>"""
+    config = imported(sdf(LINKS + camera + MOTORS))[1]
+    expected = np.diag(MOMENTS) + np.diag([0.3, 0.5, 0.6])
+    np.testing.assert_allclose(tensor(config), expected, rtol=DIGITS, atol=1e-11)
+
+
 def test_rotors_are_sorted_and_turn_the_body_against_their_spin(imported):
     """ccw as seen from above: the torque on the body is clockwise, −k_m η² about z."""
     part = thrusters(imported(QUAD)[1])
