@@ -85,7 +85,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert re.split(" {2,}", lines[0]) == ["law", "mean attitude error", "effort", "settled"]
     assert re.fullmatch(r"EqT +\d\d\.\d\d deg +\d\d\.\d\d \(N m\)² s +\d+ of 60", lines[2])
     error, effort = r"−\d+ % \[−\d+, −\d+\]", r"\+\d+ % \[.+\]"
-    assert re.fullmatch(rf"GT +{error} ▲ +{effort}( ▼)? +\+\d+ pp \[.+\] ▲", lines[3])
+    assert re.fullmatch(rf"GT +{error} ▲ +{effort}( [▼?])? +\+\d+ pp \[.+\] ▲", lines[3])
     assert [line.split()[0] for line in lines[4:6]] == ["nog", "asym"]
     with open_result(paper_result) as result:
         errors = result.metric("mean_attitude_error")[:2]
@@ -101,7 +101,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     whole = invoke("compare", paper_result, *few, "--table", "all").stdout
     pairs = ["GT EqT", "nog EqT", "asym EqT", "nog GT", "asym GT", "asym nog"]
     titled = ["{0} against {1}, in % of {1}".format(*pair.split()) for pair in pairs]
-    assert [line for line in whole.splitlines() if " against " in line] == titled
+    assert [line for line in whole.splitlines() if ", in % of " in line] == titled
     asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
     assert f"{asked}, at 60 runs per" in whole.replace("\n", " ")
     against = invoke("compare", paper_result, *few, "--against", "GT").stdout.splitlines()
@@ -298,7 +298,7 @@ def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):
     eqt("run", "c.yaml", "--quiet")
     out = eqt("compare", "results/c", "--table", "claims").out
     says = "“All four of these controls are stabilising” (here without nog, asym)"
-    assert says in out.splitlines()
+    assert any(line.startswith(says) for line in out.splitlines())
 
 
 @pytest.mark.ci("runs another experiment")

@@ -137,7 +137,8 @@ def test_it_is_judged_where_there_is_no_reference(config):
     Path("law.py").write_text(text, encoding="utf-8")
     law = {"file": "law.py", "as": None, "numbers": None, "function": "Recorder().compute"}
     law |= {"memory": ["given"], "preview": {"steps": STEPS, "every": EVERY}}
-    rows = eqt_cli.verify(config(over={"reference": PATH}, **law)).rows
+    over = {"reference": PATH, "store": {"memory": True}}
+    rows = eqt_cli.verify(config(over=over, **law)).rows
     [words] = [row.remark for row in rows if row.kind == "code" and "nearest" in row.name]
     assert "damping" in words
     assert "last_command" not in words
