@@ -87,7 +87,8 @@ def expanded(request: Request) -> Element:
         from xacro import substitution_args
     except ImportError:
         raise EqtError(
-            f"{request.path}: macros of xacro need the package xacro; pip install 'eqt-cli[xacro]'"
+            f"{request.path}: macros of xacro need the package xacro; run pip install "
+            "'.[xacro]' in the checkout of eqt"
         ) from None
     path, where = request.path.resolve(), shown(request.path)
     read(path)  # refuses document types, depth and size

@@ -30,7 +30,8 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
         import mujoco
     except ImportError:
         raise EqtError(
-            f"{request.path}: MJCF needs the package mujoco; pip install 'eqt-cli[mujoco]'"
+            f"{request.path}: MJCF needs the package mujoco; run pip install "
+            "'.[mujoco]' in the checkout of eqt"
         ) from None
     where = shown(request.path)
     notes: list[str] = []
