@@ -5,18 +5,17 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from itertools import groupby
 from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.comparison import Comparison, Numbers, Pair
+from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement, Numbers, Pair
 from eqt_cli.analysis.intervals import SHARE, runs_without_exception
 from eqt_cli.base.registry import Registry
 from eqt_cli.results.metrics import EARLY
 from eqt_cli.results.quantity import WHOLE, Measure, Window
-from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.result import Result
 
 # Base classes of claims. Does not know how claims are tested --------------------------------------
 
@@ -166,59 +165,6 @@ class Hampsey2025(ClaimSet):
 
 
 # What is measured of claims, and the verdicts -----------------------------------------------------
-
-
-class ClaimVerdict(StrEnum):
-    """The verdict on a claim."""
-
-    SUPPORTED = "supported"
-    NOT_SUPPORTED = "not supported"
-    UNDECIDED = "undecided"
-    NOT_COVERED = "not covered"
-    NOT_COMPARABLE = "not comparable"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """A row of a claim, measured.
-
-    Attributes
-    ----------
-    measured
-        The measure.
-    verdict
-        Verdict for the available runs.
-    runs_to_decide
-        Number of runs that would decide if all stays as measured; None if no number would.
-    source, says
-        Source of the claim, and its words.
-    pair
-        The difference of two controllers, for a claim that one has less than the other.
-    controller, statement
-        For a claim about every run: the label of the controller, and the claim in words.
-    held, runs
-        Number of runs in which it held, and of runs with a value.
-    low
-        Lower end of the one-sided interval for the share of runs in which it holds.
-    absent
-        Kinds of controllers that the claim mentions and the result does not have.
-    is_at_home
-        Whether the result is the experiment of the source, so that the verdict is told unasked.
-    """
-
-    measured: PerRun
-    verdict: ClaimVerdict
-    runs_to_decide: int | None
-    source: str = ""
-    says: str = ""
-    pair: Pair | None = None
-    controller: str = ""
-    statement: str = "first is less than second"
-    held: int = 0
-    runs: int = 0
-    low: float = float("nan")
-    absent: tuple[str, ...] = ()
-    is_at_home: bool = True
 
 
 @dataclass(frozen=True)

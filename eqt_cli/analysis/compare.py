@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.analysis.claims import judged, tests_of
 from eqt_cli.analysis.comparison import Comparison, Numbers
+from eqt_cli.analysis.comparison_tables import answer_lines
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.base.errors import EqtError
 from eqt_cli.results.conclusion import conclusion_of
@@ -124,6 +125,7 @@ def compare(
         numbers=table,
         shown=len(shown & numbers.keys()),
         missing=[*_cut(result, chosen, windows), *(x for one in both for x in _missing(one))],
+        sentences=answer_lines,
         negligible=negligible,
         judgements=judgements,
         departures=result.described.departures,

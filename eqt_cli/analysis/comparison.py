@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from eqt_cli.analysis.gate import Finding
 from eqt_cli.analysis.intervals import (
     FEWEST,
     NEGLIGIBLE,
@@ -32,10 +34,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import InNotebook, fixed
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
-
-if TYPE_CHECKING:
-    from eqt_cli.analysis.claims import Judgement
-    from eqt_cli.analysis.gate import Finding
 
 Record = dict[str, Any]
 
@@ -309,6 +307,59 @@ def _deviation(values: Array) -> float:
         return float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
 
 
+class ClaimVerdict(StrEnum):
+    """The verdict on a claim."""
+
+    SUPPORTED = "supported"
+    NOT_SUPPORTED = "not supported"
+    UNDECIDED = "undecided"
+    NOT_COVERED = "not covered"
+    NOT_COMPARABLE = "not comparable"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A row of a claim, measured.
+
+    Attributes
+    ----------
+    measured
+        The measure.
+    verdict
+        Verdict for the available runs.
+    runs_to_decide
+        Number of runs that would decide if all stays as measured; None if no number would.
+    source, says
+        Source of the claim, and its words.
+    pair
+        The difference of two controllers, for a claim that one has less than the other.
+    controller, statement
+        For a claim about every run: the label of the controller, and the claim in words.
+    held, runs
+        Number of runs in which it held, and of runs with a value.
+    low
+        Lower end of the one-sided interval for the share of runs in which it holds.
+    absent
+        Kinds of controllers that the claim mentions and the result does not have.
+    is_at_home
+        Whether the result is the experiment of the source, so that the verdict is told unasked.
+    """
+
+    measured: PerRun
+    verdict: ClaimVerdict
+    runs_to_decide: int | None
+    source: str = ""
+    says: str = ""
+    pair: Pair | None = None
+    controller: str = ""
+    statement: str = "first is less than second"
+    held: int = 0
+    runs: int = 0
+    low: float = float("nan")
+    absent: tuple[str, ...] = ()
+    is_at_home: bool = True
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison(InNotebook):
     """The outcome of `compare`.
@@ -344,6 +395,8 @@ class Comparison(InNotebook):
         Largest error estimate of the runs; 0 where none is known. Smaller errors are not judged.
     missing
         Sentences about numbers that could not be computed.
+    sentences
+        What says in words which law is better.
     points
         Number of points of the sweep of which this is one; tests are corrected for them, too.
     identical
@@ -367,6 +420,7 @@ class Comparison(InNotebook):
     numbers: Numbers
     shown: int
     missing: list[str]
+    sentences: Callable[[Comparison], list[str]]
     negligible: float = NEGLIGIBLE
     judgements: Sequence[Judgement] = ()
     departures: str = ""
@@ -460,10 +514,8 @@ class Comparison(InNotebook):
 
     def answer(self) -> list[str]:
         """Return the experiment, and then what `eqt compare` prints first, in words."""
-        from eqt_cli.analysis.comparison_tables import answer_lines
-
         about = f"{self.title} on {self.group}: {self.runs} runs of each law"
-        return [about, *answer_lines(self)]
+        return [about, *self.sentences(self)]
 
     def records(self) -> list[Record]:
         """Return a record per metric and pair of laws; per metric of a law that is alone."""

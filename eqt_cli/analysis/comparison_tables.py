@@ -8,8 +8,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from eqt_cli.analysis.claims import ClaimVerdict, Judgement, by_claim, sources
-from eqt_cli.analysis.comparison import Comparison, Level, Pair, Record, record
+from eqt_cli.analysis.claims import by_claim, sources
+from eqt_cli.analysis.comparison import (
+    ClaimVerdict,
+    Comparison,
+    Judgement,
+    Level,
+    Pair,
+    Record,
+    record,
+)
 from eqt_cli.analysis.intervals import FEWEST, POWER, Word
 from eqt_cli.base.reporting import (
     MARKS,

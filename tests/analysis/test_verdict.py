@@ -132,7 +132,7 @@ FALSE = {
 """Distributions of the difference of two laws, with their medians."""
 
 
-NOT_READ = ("title", "group", "titles", "runs", "kinds", "horizon", "missing")
+NOT_READ = ("title", "group", "titles", "runs", "kinds", "horizon", "missing", "sentences")
 """Fields of a comparison that its words do not need."""
 
 

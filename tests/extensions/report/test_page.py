@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.analysis.claims import ClaimVerdict
+from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli.tables import _STYLES
 from eqt_cli.extensions.proofs.certificates import Row, Verdict, certificate_table
