@@ -94,7 +94,7 @@ OF_LAWS = {"sweep_lqr", "quadrotor_speeds"}
 
 OF_ALL_COMMANDS = ["test_api.py", "test_benchmarks.py", "test_docs.py", "trust/test_folders.py"]
 
-collect_ignore = [] if EXTENSIONS else ["extensions", *OF_ALL_COMMANDS]
+collect_ignore = [] if EXTENSIONS else ["extensions", "figures/test_path.py", *OF_ALL_COMMANDS]
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m reads the marks

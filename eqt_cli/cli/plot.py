@@ -198,6 +198,7 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
     from eqt_cli.components.groups import known_group
+    from eqt_cli.figures.figure import figures
     from eqt_cli.figures.render import first_figure
 
     numbers, errors = result.stored_runs, list(dict.fromkeys([first_figure(result), "summary"]))
@@ -207,7 +208,8 @@ def _of_one(result: Result) -> list[str]:
     _, moving = group.moving_parts if group else (None, None)
     placed = moving is not None and moving.dimension > 1
     commanded = ["commands"] if result.has("command") else []
-    return [*(["path"] if placed else []), *errors, *(["pose"] if placed else []), *commanded]
+    names = ["path", *errors, "pose"] if placed and "path" in figures.names() else errors
+    return [*names, *commanded]
 
 
 def _options(

@@ -661,5 +661,5 @@ figures = Registry(
     "figure",
     "figures",
     Figure,
-    tuple(f"figures.{x}_figures" for x in "path time run comparison sweep".split()),
+    tuple(f"figures.{x}_figures" for x in "time run comparison sweep".split()),
 )

@@ -10,9 +10,9 @@ from said import error_of
 import eqt_cli
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli.plot import _of_one
+from eqt_cli.extensions.bodies.figures import PathFigure, PoseFigure, broken
+from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, outline, rotors
 from eqt_cli.figures.layout import diverging
-from eqt_cli.figures.path_figures import PathFigure, PoseFigure, broken
-from eqt_cli.figures.shown import CORNERS, FACES, camera, outline, rotors
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -53,7 +53,11 @@ def test_no_figure_has_a_flaw(name, width, theme, made_once):
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "width"), [("paper", {"log": True}, "slide"), ("path", {}, "column")]
+    ("name", "options", "width"),
+    [
+        ("paper", {"log": True}, "slide"),
+        pytest.param("path", {}, "column", marks=pytest.mark.needs("bodies")),
+    ],
 )
 def test_a_few_figures_have_no_flaw(name, options, width, se3, opened):
     assert flaws(figures.get(name)(**options).draw([opened(se3)], width), width) == []

@@ -22,11 +22,11 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
+from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.scenes import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
-from eqt_cli.figures.shown import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.results.conclusion import conclusion_of, side_by_side
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result

@@ -17,22 +17,21 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import Part, group_named
-from eqt_cli.figures.cells import scale_norm
-from eqt_cli.figures.figure import ShownRuns
-from eqt_cli.figures.labels import quantity, signal_label
-from eqt_cli.figures.layout import freeze, name_scale
-from eqt_cli.figures.shown import (
+from eqt_cli.extensions.bodies.shapes import (
     CORNERS,
     FACES,
     BodyPath,
-    Chosen,
-    Ensemble,
     camera,
     course,
     discs,
     rotors,
     upright,
 )
+from eqt_cli.figures.cells import scale_norm
+from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.figures.labels import quantity, signal_label
+from eqt_cli.figures.layout import freeze, name_scale
+from eqt_cli.figures.shown import Chosen, Ensemble
 from eqt_cli.figures.style import house_style, ink, line_style, mixed
 from eqt_cli.results.result import Result
 
@@ -61,14 +60,14 @@ class Motion:
     body, reference
         Courses of the bodies, with a leading controller axis, and of the reference.
     frame : (3, 3)
-        What `bodies.upright` turned them by.
+        What `shapes.upright` turned them by.
     has_translation
         Whether bodies move as well as turn.
     thrusts : (controllers, samples, thrusters, 2, 3)
         A line from each thruster along its thrust, in the body frame; the largest coordinate of a
         place and the largest thrust are 1.
     rotors : (rotors, 2, 3)
-        Place and direction of the rotors of a multirotor, as `bodies.rotors` gives them.
+        Place and direction of the rotors of a multirotor, as `shapes.rotors` gives them.
     norms : dict of str to (controllers, samples)
         Norms of pose error and torque by name, per part where rotation and translation have
         different units.

@@ -13,6 +13,7 @@ from small_experiment import mapping
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, discs
 from eqt_cli.extensions.report.document import animation
 from eqt_cli.extensions.report.scenes import (
     MOST_CONTROLLERS,
@@ -26,7 +27,6 @@ from eqt_cli.extensions.report.scenes import (
     scene_of,
     tips,
 )
-from eqt_cli.figures.shown import CORNERS, FACES, camera, discs
 
 
 @pytest.fixture(scope="module")

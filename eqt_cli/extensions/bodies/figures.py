@@ -19,12 +19,13 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.extensions.bodies.shapes import camera, course, outline, upright
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
 from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
-from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, camera, course, outline, upright
+from eqt_cli.figures.shown import MOST_COLOURS, Ensemble
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
 # Figure of paths, in planes, in space, or of an axis on the sphere --------------------------------
