@@ -73,6 +73,8 @@ class Rotor:
         Time constants of the lag as it speeds up and slows down, s.
     drag
         Drag coefficient, N s²/(rad m).
+    number, command
+        By which the rotors are sorted, and how the file numbers them, such as ``motorNumber 2``.
     """
 
     name: str
@@ -88,6 +90,7 @@ class Rotor:
     down: float | None = None
     drag: float = 0.0
     number: float = 0.0
+    command: str = ""
 
     @property
     def wrench(self) -> Array:

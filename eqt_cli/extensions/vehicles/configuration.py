@@ -22,6 +22,9 @@ MOST_LINKS = 60
 LIFTS = np.cos(np.radians(45))
 """Cosine of the largest tilt of a rotor that lifts."""
 
+BALANCED = 1e-6
+"""Torque over the weight, m, that the digits of a file explain."""
+
 WEAK = 0.05
 """Singular values of torque and lift, each row divided by its norm, below which one is missing."""
 
@@ -247,6 +250,7 @@ def facts(v: Vehicle, body: Body) -> list[str]:
             hover = f"hover at {_span(speeds)} rad/s"
         else:
             hover = f"hover by {_span(thrusts)} N"
+        hover = _lack(v, body) or hover
         ratio = "unknown, as the file has no limits"
         if len(highs) == len(v.rotors):
             along = np.array([rotor.along @ body.main for rotor in v.rotors])
@@ -259,6 +263,22 @@ def facts(v: Vehicle, body: Body) -> list[str]:
     else:
         lines.append("no rotor or wheel is in the file: forces and torques have no limits")
     return lines
+
+
+def _lack(v: Vehicle, body: Body) -> str:
+    """Return why a vehicle cannot hover; empty where it can."""
+    thrusts = body.thrusts
+    torque = float(np.linalg.norm(body.B[:3] @ thrusts))
+    if torque > BALANCED * body.weight:
+        return f"cannot hover: with the weight, its rotors leave a torque of {torque:.3g} N m"
+    slack = ROUND * np.abs(thrusts).max()
+    for rotor, thrust in zip(v.rotors, thrusts, strict=True):
+        low, high = -np.inf if rotor.low is None else rotor.low, rotor.high or np.inf
+        if not low - slack <= thrust <= high + slack:
+            limit = f"{low:.4g} N at least" if thrust < low else f"{high:.4g} N at most"
+            hint = " (--reversible, if it can push backwards)" if thrust < 0 else ""
+            return f"cannot hover: needs {thrust:.4g} N of {rotor.name}, which has {limit}{hint}"
+    return ""
 
 
 def _span(values: Array) -> str:

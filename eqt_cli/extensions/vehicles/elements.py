@@ -173,7 +173,7 @@ def parsed(data: bytes, path: Path, place: Callable[[int], str]) -> Element:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = add
     try:
-        parser.Parse(data, True)
+        parser.Parse(_COMMENT.sub(lambda comment: comment[0].replace(b"-", b" "), data), True)
     except expat.ExpatError as error:
         at = f"{place(error.lineno)}:{error.offset + 1}"
         raise EqtError(f"{at}: {expat.ErrorString(error.code)}; correct the XML") from None
@@ -181,6 +181,9 @@ def parsed(data: bytes, path: Path, place: Callable[[int], str]) -> Element:
         raise EqtError(f"{path}: {error}; save it as UTF-8") from None
     return roots[0]
 
+
+# Gazebo and MuJoCo read comments with "--" within, such as of command lines, which XML forbids.
+_COMMENT = re.compile(rb"(?<=<!--)(?:(?!-->).)+", re.DOTALL)
 
 # None reaches over the next of its kind, so that braces which never close cost no square of time.
 _JINJA = re.compile(r"{#(?:(?!{#).)*?#}|{%-?((?:(?!{%).)*?)-?%}|{{-?((?:(?!{{).)*?)-?}}", re.DOTALL)

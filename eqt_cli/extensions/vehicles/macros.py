@@ -99,6 +99,11 @@ def expanded(request: Request) -> Element:
     except EqtError as error:
         raise EqtError(f"{where}: {error}") from None
     except Exception as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, EqtError):
+            cause = getattr(cause, "exc", None) or cause.__cause__ or cause.__context__
+        if cause is not None:  # one of those above, which xacro has wrapped
+            raise EqtError(f"{where}: {cause}") from None
         said = " ".join(str(error).split()) or type(error).__name__
         if lacks := re.search(r"substitution argument (\S+)", said):
             name = lacks[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -38,16 +39,21 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # else it writes a log into the folder
     try:
-        spec = mujoco.MjSpec.from_file(str(request.path))
-        for body in spec.bodies:
-            if body.name and request.leaves_out(body.name):
-                spec.delete(body)
-                notes.append(f"{where}: body {body.name} is left out, as --without asks")
-        _without_files(mujoco, spec, request, notes)
-        model = spec.compile()
+        with warnings.catch_warnings(record=True) as said_of_it:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(request.path))
+            for body in spec.bodies:
+                if body.name and request.leaves_out(body.name):
+                    spec.delete(body)
+                    notes.append(f"{where}: body {body.name} is left out, as --without asks")
+            _without_files(mujoco, spec, request, notes)
+            model = spec.compile()
+        notes += dict.fromkeys(
+            f"{where}: MuJoCo: {_line(warning.message)}" for warning in said_of_it
+        )
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        said = re.sub(r"^(XML )?Error:?\s*", "", " ".join(str(error).split()))
-        raise EqtError(f"{where}: MuJoCo: {said[:300]}; correct the file") from None
+        said = re.sub(r"^(XML )?Error:?\s*", "", _line(error))
+        raise EqtError(f"{where}: MuJoCo: {said}; correct the file") from None
     finally:
         mujoco.set_mju_user_warning(before)
     data = mujoco.MjData(model)
@@ -117,10 +123,14 @@ class _Mjcf:
         free = [int(model.jnt_bodyid[k]) for k in range(model.njnt) if model.jnt_type[k] == 0]
         if len(free) != 1:
             names = ", ".join(model.body(b).name or f"body {b}" for b in free)
-            have = (
-                f"{len(free)} bodies are free ({names})" if free else "no body has a <freejoint/>"
+            if not free:
+                raise EqtError(
+                    f"{where}: no body has a <freejoint/>, so that none moves; add it to that of "
+                    "the vehicle"
+                )
+            raise EqtError(
+                f"{where}: {len(free)} bodies are free ({names}); leave others out: --without"
             )
-            raise EqtError(f"{where}: {have}; expected one: --without leaves others out")
         self.base = free[0]
         self.to_body = data.xmat[self.base].reshape(3, 3).T
         self.origin = data.xpos[self.base]
@@ -240,6 +250,11 @@ class _Mjcf:
         dof = model.jnt_dofadr[j]
         if model.dof_armature[dof] or model.dof_damping[dof]:
             v.notes.append(f"{place}: armature and damping of {name} are left out")
+
+
+def _line(said: object) -> str:
+    """Return what MuJoCo says in one line."""
+    return " ".join(str(said).split())[:300]
 
 
 def _row(values: Array) -> str:

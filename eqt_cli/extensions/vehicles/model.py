@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -57,18 +57,24 @@ def base_of(plugins: list[tuple[Element, str]], links: Collection[str], canonica
     return wet[0] if wet and wet[0] in links else canonical
 
 
-def mass_and_tensor(element: Element, mass: float, entry: Entry) -> tuple[float, Array]:
+def mass_and_tensor(name: str, element: Element, mass: float, entry: Entry) -> tuple[float, Array]:
     """Return the mass and the tensor of a link, whose entries have the names ixx, ixy, …."""
     if mass < 0:
-        raise EqtError(f"{element.place}: expected a mass of at least 0 kg, got {mass:g}")
+        raise EqtError(
+            f"{element.place}: link {name}: expected a mass of at least 0 kg, got {mass:g}"
+        )
     upper = [entry(f"i{key}", None if key[0] == key[1] else 0.0) for key in UPPER]
     xx, xy, xz, yy, yz, zz = upper
     if min(xx, yy, zz) < 0:
-        raise EqtError(f"{element.place}: expected moments of at least 0 kg m², got {upper}")
+        raise EqtError(
+            f"{element.place}: link {name}: expected moments of at least 0 kg m², got {upper}"
+        )
     return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def check_joined(links: dict[str, Link], joints: dict[str, Joint], base: str) -> None:
+def check_joined(
+    links: dict[str, Link], joints: dict[str, Joint], base: str, without: Sequence[str]
+) -> None:
     """Refuse links that no joint holds to the base: they are bodies of their own."""
     held, left = {base}, list(joints.values())
     ends: dict[str, list[str]] = {}
@@ -83,7 +89,10 @@ def check_joined(links: dict[str, Link], joints: dict[str, Joint], base: str) ->
                 reached.append(other)
     for name, link in links.items():
         if name not in held:
+            remedy = f"add the joint, or leave the link out: --without {name}"
+            if without:
+                remedy += f"; if --without {', '.join(without)} took what held it, keep that"
             raise EqtError(
                 f"{link.place}: no joint holds link {name} to {base}, so that it is another body; "
-                f"add the joint, or leave the link out: --without {name}"
+                f"{remedy}"
             )

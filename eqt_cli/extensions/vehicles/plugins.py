@@ -72,13 +72,27 @@ def equipped(model: Model, request: Request) -> Vehicle:
             continue
         for kind, reader in readers:
             if is_plugin(element, kind):
+                if gone := _carrier_left_out(element, scope, request):
+                    vehicle.notes.append(
+                        f"{element.place}: plugin {_title(element)} is left out with {gone}"
+                    )
+                    break
                 reader(model, vehicle, element, scope, request)
                 break
+    _check_signs(vehicle)
     vehicle.rotors.sort(key=lambda rotor: rotor.number)
     _tell_joints(model, vehicle)
     if vehicle.is_marine or request.kind == "auv":
         _float(model, vehicle, request)
     return vehicle
+
+
+def _carrier_left_out(element: Element, scope: str, request: Request) -> str | None:
+    """Return what `--without` names that has the link or the joint of a plugin."""
+    for key in ("linkName", "jointName", "link_name", "joint_name"):
+        if (name := element.words(key)) and (gone := request.left_out(scope + name)):
+            return gone
+    return None
 
 
 def _ignored(m: Model, v: Vehicle, element: Element, scope: str, request: Request) -> None:
@@ -159,23 +173,47 @@ def _motor(m: Model, v: Vehicle, element: Element, scope: str, request: Request)
         up=_positive(v, element, "timeConstantUp"),
         down=_positive(v, element, "timeConstantDown"),
         drag=_or_default(v, element, "rotorDragCoefficient"),
-        number=element.number("motorNumber", float(len(v.rotors))),
     )
-    v.rotors.append(rotor)
+    _add_numbered(v, rotor, element, "motorNumber")
     if kind == "force_polynomial":
         _by_polynomial(v, rotor, element)
         return
     if kind != "velocity":
         raise EqtError(f"{element.place}: motorType: expected velocity, got '{kind[:20]}'")
     rotor.k = _or_default(v, element, "motorConstant")
-    if rotor.k < 0:
-        rotor.k, rotor.along = -rotor.k, -rotor.along
-        v.notes.append(f"{element.place}: motorConstant is negative: {link.name} pushes along −z")
-    elif rotor.k == 0:
+    if rotor.k == 0:
         raise EqtError(f"{element.place}: motorConstant: expected a positive number, got 0")
     rotor.speed = _positive(v, element, "maxRotVelocity")
-    rotor.high = rotor.k * rotor.speed**2
+    rotor.high = abs(rotor.k) * rotor.speed**2
     rotor.low = -rotor.high if request.reversible or element.holds("reversible") else 0.0
+
+
+def _add_numbered(v: Vehicle, rotor: Rotor, element: Element, tag: str) -> None:
+    """Add a rotor; two of the same number get the same command, which eqt would allocate apart."""
+    rotor.number = element.number(tag, float(len(v.rotors)))
+    rotor.command = "" if element.one(tag) is None else f"{tag} {rotor.number:g}"
+    for other in v.rotors:
+        if rotor.command and rotor.command == other.command:
+            raise EqtError(
+                f"{element.place}: {rotor.command} of {rotor.name} is that of {other.name}, too "
+                f"({other.place}); give each its own"
+            )
+    v.rotors.append(rotor)
+
+
+def _check_signs(v: Vehicle) -> None:
+    """Turn rotors with negative constants round; refuse constants of both signs."""
+    down = [rotor for rotor in v.rotors if rotor.k is not None and rotor.k < 0]
+    up = [rotor for rotor in v.rotors if rotor.k is not None and rotor.k > 0]
+    if down and up:
+        raise EqtError(
+            f"{down[0].place}: motorConstant of {down[0].name} is {down[0].k:g}, that of "
+            f"{up[0].name} {up[0].k:g} ({up[0].place}): they push against each other; correct the "
+            "sign, or turn the link of a rotor that pushes down"
+        )
+    for rotor in down:
+        rotor.k, rotor.along = abs(rotor.k or 0.0), -rotor.along
+        v.notes.append(f"{rotor.place}: motorConstant is negative: {rotor.name} pushes along −z")
 
 
 def _positive(v: Vehicle, element: Element, name: str) -> float:
@@ -230,10 +268,13 @@ def _uuv_thruster(m: Model, v: Vehicle, element: Element, scope: str, request: R
     joint = m.joints[m.named("joint", scope, element.words("jointName"), element.place)]
     link = m.links[m.named("link", scope, element.words("linkName"), element.place)]
     rotor = Rotor(link.name, element.place, link.centre, joint.axis)
-    rotor.number = element.number("thrusterID", float(len(v.rotors)))
     kind = element.words("conversion/type")
     if kind == "Basic":
         rotor.k = element.number("conversion/rotorConstant")
+        if rotor.k == 0:
+            raise EqtError(f"{element.place}: rotorConstant: expected a number other than 0")
+        # It pushes both ways, so that the sign is that of the command alone.
+        rotor.k, rotor.along = abs(rotor.k), rotor.along * np.sign(rotor.k)
     elif kind == "LinearInterp" and (ends := element.one("conversion/outputValues")) is not None:
         thrusts = ends.numbers(len(ends.text.split()) or 1)
         rotor.low, rotor.high = float(thrusts.min()), float(thrusts.max())
@@ -249,7 +290,7 @@ def _uuv_thruster(m: Model, v: Vehicle, element: Element, scope: str, request: R
             f"{element.place}: no limit of the thrust of {link.name}; give --thrust=LOW,HIGH"
         )
     v.is_marine = True
-    v.rotors.append(rotor)
+    _add_numbered(v, rotor, element, "thrusterID")
 
 
 YAW = {"racer": (1.0, -1.0, 1.0, -1.0)}
@@ -313,7 +354,8 @@ def check_thrusts(vehicle: Vehicle, request: Request, mass: float) -> None:
             rotor.low = -rotor.high
         if rotor.high is not None and not (rotor.low or 0.0) < rotor.high:
             raise EqtError(
-                f"{rotor.place}: thrust from {rotor.low:g} to {rotor.high:g} N; --thrust"
+                f"{rotor.place}: {rotor.name} pushes by {rotor.low or 0:g} N at least and "
+                f"{rotor.high:g} N at most; correct its limits, or give --thrust=LOW,HIGH"
             )
         if top_only := (rotor.high or 0.0) > most and rotor.high:
             raise EqtError(f"{rotor.place}: {top_only:.3g} N is over 1000 weights; give --thrust")

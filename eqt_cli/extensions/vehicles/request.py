@@ -98,6 +98,19 @@ class Request:
         self._left_out |= met
         return bool(met)
 
+    def leave_out(self, name: str) -> None:
+        """Leave out what hangs on something that is left out."""
+        self._left_out.add(name)
+
+    def left_out(self, name: str) -> str | None:
+        """Return what `--without` names that has a link, joint or frame, or is it."""
+        scopes = name.split("::")
+        for count in range(1, len(scopes) + 1):
+            for whole in ("::".join(scopes[:count]), scopes[count - 1]):
+                if whole in self._left_out:
+                    return whole
+        return None
+
     def check_left_out(self) -> None:
         """Refuse names of `--without` that are not in the file."""
         for name in self.without:

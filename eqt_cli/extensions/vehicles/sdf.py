@@ -166,17 +166,19 @@ class _Sdf:
                     continue
                 self.links[name] = element, part
                 self.carriers[name] = name
-                self._place(name, element.one("pose"), frame, part)
+                self._place(name, element, frame, part)
                 first = first or name
             elif tag == "joint":
                 self.joints[name] = element, part
+                if not (element.words("parent") and element.words("child")):
+                    raise EqtError(f"{element.place}: joint {name} needs <parent> and <child>")
                 child = self._inside(part, element.words("child"))
                 self.carriers[name] = child
-                self._place(name, element.one("pose"), child, part)
+                self._place(name, element, child, part)
             elif tag == "frame":
                 on = element.attributes.get("attached_to", "")
                 self.carriers[name] = self._inside(part, on) if on else frame
-                self._place(name, element.one("pose"), self.carriers[name], part)
+                self._place(name, element, self.carriers[name], part)
             elif tag in ("model", "include"):
                 opened = self._opened(element, part.file, stack)
                 inner = opened and self._nested(element, opened[0], part, opened[1])
@@ -194,12 +196,12 @@ class _Sdf:
         name = name or model.attributes.get("name", "")
         merged = element.attributes.get("merge") in TRUE
         frame = f"{part.scope}{name}::{MODEL}" + ("#" * merged)
-        pose = element.one("pose")
-        on = element.words("placement_frame") or model.attributes.get("placement_frame", "")
-        if pose is None and element.tag == "include" and not on:
-            pose = model.one("pose")
+        placed, on = element, element.words("placement_frame")
+        on = on or model.attributes.get("placement_frame", "")
+        if element.one("pose") is None and element.tag == "include" and not on:
+            placed = model
         scope = part.scope if merged else f"{part.scope}{name}::"
-        self._place(frame, pose, part.frame, part)
+        self._place(frame, placed, part.frame, part)
         if on:
             self.placed.append((frame, scope + on))
         if not merged:
@@ -219,14 +221,16 @@ class _Sdf:
             return part.frame
         return part.scope + name if name != "world" else "world"
 
-    def _place(self, name: str, pose: Element | None, default: str, part: _Part) -> None:
+    def _place(self, name: str, element: Element | None, default: str, part: _Part) -> None:
+        place = (element or part.element).place
         if name in self.frames:
-            raise EqtError(f"{part.element.place}: two elements are called {name}; rename one")
+            raise EqtError(f"{place}: two elements are called {name}; rename one")
+        pose = None if element is None else element.one("pose")
         relative = "" if pose is None else pose.attributes.get("relative_to", "")
         if pose is not None and not relative:
             relative = pose.attributes.get("frame", "")  # up to 1.6
         to = self._inside(part, relative) if relative else default
-        place = part.element.place if pose is None else pose.place
+        place = place if pose is None else pose.place
         self.frames[name] = to, _pose(pose), place
 
     def relative(self, name: str, root: str = MODEL) -> Array:
@@ -237,10 +241,19 @@ class _Sdf:
         while here not in done:
             if here not in self.frames:
                 at = place or self.request.path
+                if gone := self.request.left_out(here):
+                    raise EqtError(
+                        f"{at}: a pose here is in '{here}', which --without {gone} leaves out; "
+                        "leave this out, too, or keep it"
+                    )
                 raise EqtError(f"{at}: no link, joint or frame '{here}'; correct the name")
             if len(chain) > len(self.frames):
-                circle = " → ".join(chain[chain.index(here) :][:5])
-                raise EqtError(f"{place}: frames hang on each other in a circle: {circle}; cut it")
+                circle = chain[chain.index(here) : len(chain) - chain[::-1].index(here)]
+                names = " → ".join(dict.fromkeys(circle[:5]))
+                raise EqtError(
+                    f"{place}: frames hang on each other in a circle: {names}; correct one's "
+                    "relative_to or attached_to"
+                )
             chain.append(here)
             here, _, place = self.frames[here]
         pose = done[here]
@@ -271,6 +284,7 @@ class _Sdf:
             ends = [self._inside(part, element.words(end)) for end in ("parent", "child")]
             if any(end not in self.carriers and end != "world" for end in ends):
                 self.notes.append(f"{element.place}: joint {name} is left out, too")
+                self.request.leave_out(name)
                 del self.joints[name], self.carriers[name], self.frames[name]
 
     # Links and joints in the axes of the base ---------------------------------------------------
@@ -293,11 +307,11 @@ class _Sdf:
         tensor = inertial.one("inertia")
         if tensor is None:
             raise EqtError(f"{inertial.place}: link {name} has no <inertia>; add it")
+        if inertial.one("mass") is None:
+            raise EqtError(f"{inertial.place}: link {name} has no <mass>; add it")
         if inertial.one("fluid_added_mass") is not None:
             self.notes.append(f"{inertial.place}: <fluid_added_mass> is left out")
-        mass, J = mass_and_tensor(
-            inertial, inertial.number("mass"), lambda key, default: tensor.number(key, default)
-        )
+        mass, J = mass_and_tensor(name, inertial, inertial.number("mass"), tensor.number)
         middle = pose @ _pose(inertial.one("pose"))
         R = middle[:3, :3]
         shapes = [_shape(each, pose) for each in element.all("collision")]
@@ -345,7 +359,7 @@ def read_sdf(request: Request) -> Model:
     to_base = inverse(sdf.relative(base))
     links = {name: sdf.link(name, to_base) for name in sdf.links}
     joints = {name: sdf.joint(name, to_base) for name in sdf.joints}
-    check_joined(links, joints, base)
+    check_joined(links, joints, base, request.without)
     version = ".".join(map(str, part.version))
     name = part.element.attributes.get("name", request.path.stem)
     return Model(name, f"SDF {version}", base, links, joints, sdf.plugins, sdf.notes)

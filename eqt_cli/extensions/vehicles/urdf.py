@@ -83,6 +83,8 @@ def _poses(
                 poses[child] = poses[here] @ _origin(on[child])
             else:
                 notes.append(f"{links[child].place}: link {child} is left out, as --without asks")
+                request.leave_out(child)
+                request.leave_out(on[child].attributes["name"])
             left.append(child)
     for name, element in links.items():
         if name not in seen:
@@ -101,7 +103,7 @@ def _link(name: str, element: Element, pose: Array) -> Link:
             raise EqtError(f"{inertial.place}: link {name} has no <{tag}>; add it")
     assert mass is not None and tensor is not None
     value = float(mass.numbers(1, "value")[0])
-    kg, J = mass_and_tensor(inertial, value, partial(_entry, tensor))
+    kg, J = mass_and_tensor(name, inertial, value, partial(_entry, tensor))
     middle = pose @ _origin(inertial)
     R = middle[:3, :3]
     return Link(name, mass.place, pose, kg, middle[:3, 3], R @ J @ R.T, shapes)

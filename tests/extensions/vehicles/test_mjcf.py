@@ -59,6 +59,15 @@ def test_the_spin_of_wheels_is_not_in_the_inertia(imported):
     assert wheels["inertia"] == pytest.approx(spin, rel=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_mujoco_warns_of_is_a_note(imported):
+    """MuJoCo scales the masses to 3 kg, and calls its own attribute deprecated."""
+    heavy = X.replace("<worldbody>", '<compiler settotalmass="3"/><worldbody>')
+    text, config = imported(heavy, "m.xml")
+    assert config["inertia"]["mass"] == pytest.approx(3.0)
+    assert "m.xml: MuJoCo: compiler attribute 'settotalmass'" in text.replace("\n#   ", " ")
+
+
 def test_torques_without_rotors_are_told(imported):
     """A wrench at the centre is no rotor: the vehicle has none."""
     wrench = X.replace("0 0 2 0.2 0 0.04", "0 0 0 1 0 0")

@@ -197,6 +197,47 @@ def test_a_link_may_be_left_out(imported):
     assert "link gps is left out" in text
 
 
+def test_the_rotor_of_a_link_that_is_left_out_is_left_out(imported):
+    text, config = imported(QUAD, without=("rotor0",))
+    names = [rotor["name"] for rotor in thrusters(config)["thrusters"]]
+    assert names == ["rotor1", "rotor2", "rotor3"]
+    told = text.replace("\n#   ", " ")
+    assert "joint joint0 is left out, too" in told
+    assert "plugin MulticopterMotorModel is left out with rotor0" in told
+
+
+def test_what_stands_on_something_left_out_is_refused(tmp_path):
+    (tmp_path / "quad.sdf").write_text(
+        QUAD.replace("<pose>0.2 -0.3", '<pose relative_to="gps">0.2 -0.3', 1).replace(
+            "</model>", "<link name='gps'><inertial/></link></model>"
+        )
+    )
+    said = error_of(configuration_of, tmp_path / "quad.sdf", bandwidth=5.0, without=("gps",))
+    assert "quad.sdf:5" in said
+    assert "--without gps" in said
+
+
+def test_comments_may_hold_command_lines(imported):
+    """XML forbids -- in a comment; the files of Gazebo have it, and its parser reads them."""
+    same(imported(QUAD.replace("<link", "<!-- gz topic --msgtype a\n-->\n<link", 1))[1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "without", "said"),
+    [
+        ("0.3 0.05 0 0 0", "0.3 0.05 3.141592653589793 0 0", (), "-4.903 N of rotor0"),
+        ("<maxRotVelocity>1000", "<maxRotVelocity>650", (), "4.903 N of rotor2, which has 4.225 N"),
+        ("", "", ("rotor0",), "a torque of"),
+    ],
+)
+def test_a_vehicle_that_cannot_hover_is_told(tmp_path, old, new, without, said):
+    """19.61 N on four rotors, of which one is upside down, or too slow, or left out."""
+    (tmp_path / "quad.sdf").write_text(QUAD.replace(old, new, 1))
+    _, lines = configuration_of(tmp_path / "quad.sdf", bandwidth=5.0, without=without)
+    assert "cannot hover" in lines[2]
+    assert said in lines[2]
+
+
 def test_tilted_rotors_lift_along_their_sum(imported):
     """Two rotors tilt by 10° to each side: with unlike arms their torques balance off the vertical.
 
