@@ -64,6 +64,7 @@ def test_eqt_works_without_them(session):
     )
 
 
+@pytest.mark.ci("starts an interpreter, as another one does fast")
 def test_plain_files_are_read_without_them(session):
     done = session(FILES)
     assert done.stdout == "2\n", done.stderr

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from case_tables import from_yaml
+from case_tables import from_yaml, in_ci
 from ci_cases import mostly_ci
 
 from eqt_cli.cli import options
@@ -88,7 +88,11 @@ BRIEF = [f"{' '.join(vehicle.split()[::2])[:40]}" for vehicle in VEHICLES]
 
 
 @pytest.mark.needs("proofs")
-@pytest.mark.parametrize(("vehicle", "gains"), VEHICLES.items(), ids=BRIEF)
+@pytest.mark.parametrize(
+    ("vehicle", "gains"),
+    [in_ci("another one is fast", *case, unless="4e-3" in case[0]) for case in VEHICLES.items()],
+    ids=BRIEF,
+)
 def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     """Bandwidth and damping of each axis, from the linearised loop."""
     eqt("config", "new", "mine.yaml", "--vehicle", *vehicle.split())

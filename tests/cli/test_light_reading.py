@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 MOST = 47
 """With the manifests of all extensions, which are 10."""
 
@@ -16,6 +18,7 @@ finally:
 """
 
 
+@pytest.mark.ci("starts an interpreter")
 def test_compare_loads_no_simulator(paper_result):
     arguments = [sys.executable, "-c", PROGRAM, "compare", str(paper_result)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)

@@ -67,6 +67,7 @@ def test_a_law_is_selected_by_label_or_title(name, label):
 
 
 @pytest.mark.needs("laws")
+@pytest.mark.ci("starts an interpreter")
 def test_a_name_that_needs_no_other_spelling_loads_no_other_law():
     code = (
         "import sys; from eqt_cli.components.laws import controllers as c; "

@@ -40,14 +40,11 @@ QUICK = {
     ("planar_vtol", "model"),
     ("satellite_panels", "feedforward"),
     ("satellite_wheels", "eqt"),
-    ("satellite_estimated", "eqt"),
-    ("cubesat_orbit", "stabilising"),
     ("se2_vehicle", "gt"),
-    ("quadrotor_recovery", "cascade"),
     ("se3_bluerov2", "nog"),
     ("tune_so2", "stabilising"),
 }
-"""Twelve loops of different parts: a sample for every run of the tests."""
+"""Nine loops of different parts: a sample for every run of the tests."""
 
 
 @cache

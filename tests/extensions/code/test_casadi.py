@@ -29,6 +29,7 @@ def test_lee_of_casadi_is_lee(config, judged):
     assert judged(config(**LEE)) == {}
 
 
+@pytest.mark.ci("compiles a file again")
 def test_a_file_is_compiled_once(config, monkeypatch):
     """To assembly language, of which the library is made: a generated file takes a minute."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(Path.cwd()))

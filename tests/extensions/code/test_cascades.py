@@ -52,7 +52,11 @@ def flying(**claimed):
     ("rates", "remark"),
     [
         ("none", {}),
-        ("model", {"torque of cascade, double, at random states": "torque: Ω_c and Ω̇_c are 0"}),
+        in_ci(
+            "the other is fast",
+            "model",
+            {"torque of cascade, double, at random states": "torque: Ω_c and Ω̇_c are 0"},
+        ),
     ],
 )
 def test_c_that_was_typed_is_the_cascade_without_rates(rates, remark, judged):

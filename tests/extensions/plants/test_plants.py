@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from case_tables import from_yaml
+from case_tables import from_yaml, in_ci
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.config.document import read_config
@@ -76,18 +76,15 @@ def test_a_plant_that_cannot_be_judged(plant, was, becomes, adapter, said):
 
 # The command --------------------------------------------------------------------------------------
 
+LACKS = (" - np.cross(w, J @ w)", "")
+
 
 @pytest.mark.parametrize(
     ("change", "fail_on", "code", "answer"),
     [
         (("J", "J"), (), 0, "is the plant, within what 250 states show"),
-        (
-            (" - np.cross(w, J @ w)", ""),
-            ("--fail-on", "differs"),
-            0,
-            "is the plant but lacks ω × Jω",
-        ),
-        ((" - np.cross(w, J @ w)", ""), (), 4, "is the plant but lacks ω × Jω"),
+        (LACKS, ("--fail-on", "differs"), 0, "is the plant but lacks ω × Jω"),
+        in_ci("a document is fast", LACKS, (), 4, "is the plant but lacks ω × Jω"),
         (("2.0", "2.2"), ("--fail-on", "differs"), 4, "differs: Jy is 2.2, expected 2"),
     ],
 )
@@ -100,7 +97,7 @@ def test_the_answer_and_the_exit_code(change, fail_on, code, answer, invoke):
 
 
 def test_a_document(invoke):
-    place = written("turns", (" - np.cross(w, J @ w)", ""))
+    place = written("turns", LACKS)
     config = HERE / "turns.yaml"
     [record] = json.loads(invoke("verify", config, "--plant", place, "--json", code=4).stdout)[
         "plant"

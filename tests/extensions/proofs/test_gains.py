@@ -167,6 +167,7 @@ def few() -> Any:
         yield
 
 
+@pytest.mark.ci("searches for the gains of a law, as the command does fast")
 @pytest.mark.usefixtures("few")
 def test_a_second_program_proves_the_winner() -> None:
     [gt] = best(tuning("gt"))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ci_cases import mostly_ci
 
 from eqt_cli.extensions.search.fronts import Constraint
 from eqt_cli.extensions.search.model_search import ModelSearch, Tried, first_points
@@ -66,7 +67,7 @@ def dense(judge, axes, most):
         points[0] = best
 
 
-@pytest.mark.parametrize("number", [0, 1, 4])
+@mostly_ci("number", [0, 1, 4], [1], "another sample is fast")
 @pytest.mark.parametrize(("judge", "axes", "bound"), [(wheel, 2, 3.0), (valley, 4, 1.0)])
 def test_it_comes_within_a_hundredth_of_a_dense_search_at_equal_effort(judge, axes, bound, number):
     best, _ = found(judge, axes, equal(bound), number=number)
