@@ -140,7 +140,6 @@ from eqt_cli.components.vehicle_parts import Matrix as Matrix
 from eqt_cli.components.vehicle_parts import Number as Number
 from eqt_cli.components.vehicle_parts import Numbers as Numbers
 from eqt_cli.components.waypoints import WaypointsReference as WaypointsReference
-from eqt_cli.components.wheels import Wheels as Wheels
 from eqt_cli.config.designs import Cases as Cases
 from eqt_cli.config.designs import Concat as Concat
 from eqt_cli.config.designs import Design as Design
@@ -166,6 +165,7 @@ from eqt_cli.extensions.laws.extend import *
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.recordings.extend import *
 from eqt_cli.extensions.search.extend import *
+from eqt_cli.extensions.spacecraft.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions

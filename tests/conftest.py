@@ -89,8 +89,8 @@ def pytest_report_header() -> str:
 EXTENSIONS = {extension.name for extension in shipped()}
 """None where `make test-core` tries the core alone."""
 
-OF_LAWS = {"sweep_lqr", "quadrotor_speeds"}
-"""Shipped configurations with laws of the extension `laws`."""
+NEEDED = {"laws": {"sweep_lqr", "quadrotor_speeds"}, "spacecraft": {"cubesat", "cubesat_orbit"}}
+"""Shipped configurations with components of an extension."""
 
 OF_ALL_COMMANDS = ["test_api.py", "test_benchmarks.py", "test_docs.py", "trust/test_folders.py"]
 
@@ -100,8 +100,9 @@ collect_ignore = [] if EXTENSIONS else ["extensions", "figures/test_path.py", *O
 @pytest.hookimpl(tryfirst=True)  # before -m reads the marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
-        if getattr(item, "callspec", None) and item.callspec.params.get("name") in OF_LAWS:
-            item.add_marker(pytest.mark.needs("laws"))
+        for extension, names in NEEDED.items():
+            if getattr(item, "callspec", None) and item.callspec.params.get("name") in names:
+                item.add_marker(pytest.mark.needs(extension))
         for mark in item.iter_markers("needs"):
             lacking = sorted({*mark.args} - EXTENSIONS)
             if lacking or not EXTENSIONS:

@@ -339,7 +339,7 @@ actuators = Registry(
     "actuator",
     "actuators",
     Actuator,
-    tuple(f"components.{name}" for name in "actuators thrusters wheels gyros propellers".split()),
+    tuple(f"components.{name}" for name in "actuators thrusters propellers".split()),
 )
 
 

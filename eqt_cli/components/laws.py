@@ -243,7 +243,7 @@ controllers = Registry(
     "controller",
     "controllers",
     Controller,
-    tuple(f"components.{module}" for module in "laws cascade classic_laws wheels".split()),
+    tuple(f"components.{module}" for module in "laws cascade classic_laws".split()),
 )
 
 

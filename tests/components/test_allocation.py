@@ -7,11 +7,9 @@ import pytest
 from scipy.optimize import linprog
 
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.gyros import Gyros
 from eqt_cli.components.propellers import Propellers
 from eqt_cli.components.thrusters import Failure, Jets, Priority, Thruster, Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
-from eqt_cli.components.wheels import Wheels
 
 SE3, SO3 = group_named("SE3"), group_named("SO3")
 WEIGHT, HIGH = 14.71, 9.0
@@ -219,30 +217,6 @@ def test_a_failure_that_is_told_is_told_with_the_drawn_numbers():
     flown = part.of_run(SE3, np.random.default_rng(1))
     assert flown.believed is None
     assert replace(part, told=False).of_run(SE3, np.random.default_rng(1)).believed is not None
-
-
-@pytest.mark.parametrize("told", [False, True])
-def test_gyros_are_steered_with_their_mean_momentum(told):
-    part = Gyros(momentum=Uniform([1.0, 3.0]), inertia=0.1, gain=2.0, pyramid=0.9, told=told)
-    mean = replace(part, momentum=2.0, told=False).of_run(SO3, None)
-    flown = part.of_run(SO3, np.random.default_rng(4))
-    h, command, x = flown.momentum, np.array([0.2, -0.1, 0.3]), np.linspace(0.1, 0.4, 8)
-    known = replace(part, momentum=float(h[0])).of_run(SO3, None) if told else mean
-    rates = known._steered(command, known._turned(x)[2])[0]
-    np.testing.assert_allclose(flown._steered(command, flown._turned(x)[2])[0], rates, rtol=1e-13)
-    _, _, A = flown._turned(x)
-    np.testing.assert_allclose(A, h[0] / 2.0 * mean._turned(x)[2], rtol=1e-13)
-
-
-@pytest.mark.parametrize("told", [False, True])
-def test_speeds_of_wheels_are_computed_with_their_mean_inertia(told):
-    """J_w Ω̇_c = −u with the mean J_w, so that the state J_w Ω_c − h changes by the own one."""
-    drives = {"inertia": Uniform([1e-4, 3e-4]), "gain": 1e-3, "command": "speed"}
-    part = Wheels(axes=np.eye(3).tolist(), told=told, **drives)
-    flown = part.of_run(SO3, np.random.default_rng(4))
-    J, u = flown.inertia, np.array([1e-3, -2e-3, 5e-4])
-    rates = flown.state_rate(SO3, u, np.zeros(9))
-    np.testing.assert_allclose(rates[:3], -J * u / (J if told else 2e-4), rtol=1e-13)
 
 
 # Thrusts that a law commands ----------------------------------------------------------------------

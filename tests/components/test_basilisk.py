@@ -107,6 +107,7 @@ def by_eqt(experiment_of, text, torques=()):
     return s.Q[0], s.V[0], signals(loop.now(s)).get("wheel_speed", [None])[0]
 
 
+@pytest.mark.needs("spacecraft")
 def test_a_free_body_with_wheels_turns_as_in_basilisk(experiment_of):
     """Basilisk takes steps of 5 ms by a Runge-Kutta method of fourth order."""
     start = (SPIN * (SPEEDS + pyramid().T @ RATE)).tolist()

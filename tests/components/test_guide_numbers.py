@@ -38,6 +38,7 @@ def swept(name, folder):
             yield case, data
 
 
+@pytest.mark.needs("spacecraft")
 def test_errors_of_wheels_that_pass_through_speed_0(tmp_path):
     for case, data in swept("crossing", tmp_path):
         assert round(data["attitude_angle"][0, 0].max(), 3) == CROSSING[case]

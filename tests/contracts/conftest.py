@@ -19,6 +19,7 @@ from plugin_sources import forget_plugins
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
 from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import load_plugin, registry
+from eqt_cli.components.actuators import actuators
 from eqt_cli.components.flat import Knot
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import group_named
@@ -28,7 +29,6 @@ from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import PathFactor, references
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.waypoints import Waypoint
-from eqt_cli.components.wheels import Magnetorquers
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 
@@ -171,7 +171,7 @@ def loop_with() -> Any:
         inertia, kp, kd = (A @ A.T + np.eye(len(A)) / 2 for A in matrices)
         if m == 3 and group == "SO3":  # principal moments that a body can have
             inertia = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
-        magnets = (made(Magnetorquers, m),) if law.commands == "dipole" else ()
+        magnets = (made(actuators.get("magnetorquers"), m),) if law.commands == "dipole" else ()
         made_loop = ClosedLoop(
             group=G,
             inertia=Inertia(inertia, np.linalg.inv(inertia)),

@@ -191,12 +191,11 @@ EVERY = pytest.mark.ci("traces every shipped loop")
 
 
 @pytest.mark.parametrize(
-    "loop",
-    [pytest.param(key, marks=[EVERY] * (key not in QUICK), id="-".join(key)) for key in rows()],
+    ("name", "label"),
+    [pytest.param(*key, marks=[EVERY] * (key not in QUICK), id="-".join(key)) for key in rows()],
 )
-def test_a_shipped_loop_computes_what_it_computed(loop):
-    name, label = loop
-    digests, *sums = rows()[loop]
+def test_a_shipped_loop_computes_what_it_computed(name, label):
+    digests, *sums = rows()[name, label]
     problem = loops_of(name)[label]
     assert compiled(problem.loop) == digests.split(" ")
     expected = np.reshape([*map(float, sums)], (-1, 2))

@@ -17,7 +17,6 @@ from eqt_cli.base.registry import load_plugin
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.thrusters import Priority, Thrusters
-from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.study import Study
 from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
@@ -26,6 +25,7 @@ from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, progr
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.extensions.spacecraft.wheels import Wheels
 from eqt_cli.loop.law_program import INPUT, MEMORY
 from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.batches import batches

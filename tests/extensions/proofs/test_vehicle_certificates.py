@@ -9,7 +9,6 @@ import pytest
 from eqt_cli.components import blocks
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle_parts import RelativeInertia
-from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.extensions.proofs.certificates import Runs, VehicleRuns, Verdict
@@ -20,6 +19,7 @@ from eqt_cli.extensions.proofs.run_checks import (
     window_times,
 )
 from eqt_cli.extensions.proofs.verification import TIGHTER
+from eqt_cli.extensions.spacecraft.wheels import Wheels
 from eqt_cli.runs.batches import batches
 
 ROWS = "[[2 + sin(t), 0, 0.1], [0, 3, 0], [0.1, 0, 4 + 0.5*t]]"

@@ -14,8 +14,9 @@ from scipy.optimize import linprog
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.wheels import Bias, Friction, Wheels
+from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.config.remarks import along_reference, limits_below_reference, wheels_needed
+from eqt_cli.extensions.spacecraft.wheels import Bias, Friction, Wheels
 
 INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
 SPIN = 2e-5
@@ -268,7 +269,7 @@ def test_what_wheels_need_is_as_by_hand(experiment_of):
     np.testing.assert_allclose(np.abs(found.momentum[-1]), 1.2e-4 * share, rtol=1e-9)
     np.testing.assert_allclose(np.abs(found.torque), 1e-6 * share, rtol=1e-9)
     assert not found.are_too_much
-    cubesat = (Path(__file__).parents[2] / "configs" / "cubesat.yaml").read_text(encoding="utf-8")
+    cubesat = (Path(__file__).parents[3] / "configs" / "cubesat.yaml").read_text(encoding="utf-8")
     experiment = experiment_of(cubesat)
     found = wheels_needed(experiment, experiment.reference_over_horizon())
     rate, acceleration = 1.875 * np.pi / 3 / 60, 10 / np.sqrt(3) * np.pi / 3 / 3600
@@ -327,3 +328,14 @@ def test_a_direction_of_wheels_that_almost_agree_is_given_up_and_named():
         found = part.output(G, command, np.zeros(3))
         np.testing.assert_allclose(found, command, rtol=0, atol=0.005)
     np.testing.assert_allclose(free.output(G, across, np.zeros(3)), across, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_speeds_of_wheels_are_computed_with_their_mean_inertia(told):
+    """J_w Ω̇_c = −u with the mean J_w, so that the state J_w Ω_c − h changes by the own one."""
+    drives = {"inertia": Uniform([1e-4, 3e-4]), "gain": 1e-3, "command": "speed"}
+    part = Wheels(axes=np.eye(3).tolist(), told=told, **drives)
+    flown = part.of_run(group_named("SO3"), np.random.default_rng(4))
+    J, u = flown.inertia, np.array([1e-3, -2e-3, 5e-4])
+    rates = flown.state_rate(group_named("SO3"), u, np.zeros(9))
+    np.testing.assert_allclose(rates[:3], -J * u / (J if told else 2e-4), rtol=1e-13)

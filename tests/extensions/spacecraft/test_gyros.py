@@ -1,5 +1,7 @@
 """Control-moment gyros against a plain program, by conservation, and their messages."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plain import hat
@@ -10,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.gyros import Gyros
+from eqt_cli.components.vehicle_parts import Uniform
+from eqt_cli.extensions.spacecraft.gyros import Gyros
 from eqt_cli.loop.linearised import linearised
 
 INERTIA = np.array([[12.0, 0.4, 0.0], [0.4, 10.0, -0.3], [0.0, -0.3, 6.0]])
@@ -146,6 +149,16 @@ def test_what_is_wrong_is_said(options, said):
         problems.raise_if_any()
 
 
+def test_a_vehicle_has_one_entry_of_gyros(experiment_of):
+    gyros = "{kind: gyros, pyramid: 1, momentum: 1, inertia: 1, gain: 1}"
+    with pytest.raises(ConfigError, match=r"actuators\[1\]: a vehicle has one entry with gyros"):
+        experiment_of(
+            f"{{group: SO3, inertia: 1, gains: {{kp: 1, kd: 1}}, controllers: [eqt], "
+            f"actuators: [{gyros}, {gyros}], reference: {{kind: torque, torque: [0, 0, 0]}}, "
+            "initial: {pose: haar, velocity: fixed}, time: {duration: 1, samples: 2}}"
+        )
+
+
 @pytest.mark.parametrize(
     ("degrees", "said"),
     [
@@ -168,3 +181,16 @@ def test_a_singularity_loses_torque_and_stays_finite():
     x = np.concatenate([angles, np.zeros(4)])
     _, torques = np.split(part.state_rate(group_named("SO3"), command, x), 2)
     np.testing.assert_allclose(torques / 0.5, [-2.0 / 4.01] * 4, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_gyros_are_steered_with_their_mean_momentum(told):
+    part = Gyros(momentum=Uniform([1.0, 3.0]), inertia=0.1, gain=2.0, pyramid=0.9, told=told)
+    mean = replace(part, momentum=2.0, told=False).of_run(group_named("SO3"), None)
+    flown = part.of_run(group_named("SO3"), np.random.default_rng(4))
+    h, command, x = flown.momentum, np.array([0.2, -0.1, 0.3]), np.linspace(0.1, 0.4, 8)
+    known = replace(part, momentum=float(h[0])).of_run(group_named("SO3"), None) if told else mean
+    rates = known._steered(command, known._turned(x)[2])[0]
+    np.testing.assert_allclose(flown._steered(command, flown._turned(x)[2])[0], rates, rtol=1e-13)
+    _, _, A = flown._turned(x)
+    np.testing.assert_allclose(A, h[0] / 2.0 * mean._turned(x)[2], rtol=1e-13)

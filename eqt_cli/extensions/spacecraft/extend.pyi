@@ -1,0 +1,1 @@
+from eqt_cli.extensions.spacecraft.wheels import Wheels as Wheels
