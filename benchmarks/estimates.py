@@ -12,6 +12,7 @@ from benchmarks.measure import fastest
 from eqt_cli.components.estimators import estimators
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
+from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import engines
 from eqt_cli.runs.batches import batches
 
@@ -55,7 +56,7 @@ def estimator_times(repeats: int = 3, runs: int | None = None) -> Iterator[Estim
     """Every kind under every engine that is here, on every case."""
     for case in CASES:
         for engine, count in RUNS.items():
-            if engines.get(engine)().unavailable() is not None:
+            if unavailable(engines.get(engine)) is not None:
                 continue
             for kind in (NONE, *estimators.names()):
                 own = "null" if kind == NONE else f"{{kind: {kind}}}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
+from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import Engine, Problem, Solution
 from eqt_cli.engines.native import STEP_SHARE, Native
 
@@ -26,7 +27,7 @@ class Compiled(Contender):
 
     def missing(self) -> str | None:
         """What the engine needs."""
-        return self.engine(self.headline).unavailable()
+        return unavailable(type(self.engine(self.headline)))
 
     def prepare(self, case: Case, tolerance: float) -> Solve:
         """Compile for the first controller; the others are the same code, so all go together."""

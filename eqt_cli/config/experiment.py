@@ -50,7 +50,7 @@ from eqt_cli.config.document import Document, Place, data_file, load_plugins, wi
 from eqt_cli.config.schema import Config, GainsSection, InitialSection
 from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
-from eqt_cli.engines.engine import Engine
+from eqt_cli.engines.engine import Compiled, Engine
 from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, missed, reference_over_horizon
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.linearised import designed
@@ -415,7 +415,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         *(inertia, time),
     )
     if vehicle.control is None:
-        calls = config.solver.engine.calls_laws or config.solver.is_auto
+        calls = config.solver.is_auto or not isinstance(config.solver.engine, Compiled)
         for law in laws.values():
             sections.check_calls(law.law, calls, problems.at("controllers", law.index))
     config, gains = gains_of(config, laws, G, problems)

@@ -20,7 +20,7 @@ from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment, draws_nothing, starts_on_reference
-from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.engine import Problem, Work
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -282,25 +282,25 @@ def stiff(experiment: Experiment, along: Along) -> str:
         Points of the reference at which loops are linearised.
     """
     chosen, (work, label, rates) = experiment.engine, _most_work(experiment, along)
-    if work <= ORDINARY:
+    if work.amount <= ORDINARY:
         return ""
     explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, experiment.config.time.duration)
     implicit, reached = _radau_evaluations(experiment, experiment.loops[label])
     # With fewer evaluations by the explicit method, the horizon is long, but the loop is not stiff.
-    if not implicit < min(explicit, work):
+    if not implicit < min(explicit.amount, work.amount):
         return ""
     count = f"about {_rounded(implicit)} evaluations" if reached > ENOUGH else "fewer"
     return (
         f"the loop of '{label}' is stiff: its errors decay at up to "
         f"{np.abs(rates).max():.2g} 1/s, for which engine {chosen.name} takes about "
-        f"{_rounded(work)} {chosen.counted} a run; `solver.method: Radau` {count}"
+        f"{_rounded(work.amount)} {work.unit} a run; `solver.method: Radau` {count}"
     )
 
 
-def _most_work(experiment: Experiment, along: Along) -> tuple[float, str, Array]:
+def _most_work(experiment: Experiment, along: Along) -> tuple[Work, str, Array]:
     """Return the most work that the decay of a loop demands, its label and its eigenvalues."""
     chosen = experiment.engine
-    worst: tuple[float, str, Array] = (0.0, "", np.zeros(1))
+    worst: tuple[Work, str, Array] = (Work(), "", np.zeros(1))
     for label, loop in small_loops(experiment, along).items():
         matrices = flow(loop, *along)
         if np.isfinite(matrices).all():
@@ -315,12 +315,12 @@ def check_steps(experiment: Experiment, problems: Problems) -> None:
     most = getattr(experiment.engine, "max_steps", np.inf)
     with blamed(), threadpool_limits(1):
         work, label, rates = _most_work(experiment, along_reference(experiment, None))
-    if work > CERTAINLY * most:
+    if work.amount > CERTAINLY * most:
         problems.at("time", "duration").add(
             f"no run of '{label}' would end: its errors decay at up to {np.abs(rates).max():.2g} "
-            f"1/s, for which {experiment.config.time.duration:g} s take about {_rounded(work)} "
-            f"{experiment.engine.counted}, and solver.max_steps is {most:,}; check gains, inertia "
-            "and time constants, take a shorter duration, or `solver.method: Radau`"
+            f"1/s, for which {experiment.config.time.duration:g} s take about "
+            f"{_rounded(work.amount)} {work.unit}, and solver.max_steps is {most:,}; check "
+            "gains, inertia and time constants, take a shorter duration, or `solver.method: Radau`"
         )
 
 

@@ -26,6 +26,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
 from eqt_cli.config.sections import decides_parts
 from eqt_cli.engines.choice import AUTO
+from eqt_cli.engines.engine import Compiled, SharesSteps
 
 # An experiment at the points of a sweep: its points, its parts, and what is stored ----------------
 
@@ -109,6 +110,10 @@ WITHOUT_TRAJECTORIES = 4
 
 CACHED_POINTS = 10_000
 """Number of points kept once they are built, for 5 ms each; one of a small body takes 18 KiB."""
+
+PART_RUNS, COMPILED_RUNS = 50, 2500
+"""Approximate number of runs in a part, and of a compiled engine: enough to outweigh a file, few
+enough to lose."""
 
 FEW_RUNS, LEAST_PARTS = 50, 16
 """Parts of more than so many runs, without a sweep four times as many, become smaller until a law
@@ -239,9 +244,11 @@ class Study:
             limit *= WITHOUT_TRAJECTORIES
         few = FEW_RUNS if self.sweep else 4 * FEW_RUNS
         shares = max(few, -(-len(self) * runs // LEAST_PARTS))
-        wanted = max(min(base.engine.part_runs, shares), self._all_runs // MANY_PARTS)
-        size = base.engine.runs_at_once(min(wanted, limit, POINTS_OF_A_PART * runs))
-        return Plan(len(self), runs, len(base.loops), size)
+        usual = COMPILED_RUNS if isinstance(base.engine, Compiled) else PART_RUNS
+        wanted = max(min(usual, shares), self._all_runs // MANY_PARTS)
+        block = base.engine.runs_per_block if isinstance(base.engine, SharesSteps) else 1
+        blocks = min(wanted, limit, POINTS_OF_A_PART * runs) // block
+        return Plan(len(self), runs, len(base.loops), max(1, blocks) * block)
 
     # Points that differ in shape.
 
@@ -468,7 +475,7 @@ def study(document: Document, *, most_checked: int | None = None) -> Study:
 
 def _common_engine(common: Document, sweep: Sweep, base: Experiment) -> str:
     """Return the engine that can solve every point; settings of keys may need another one."""
-    if base.engine.calls_laws:
+    if not isinstance(base.engine, Compiled):
         return base.engine.name
     texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
     kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]

@@ -9,7 +9,7 @@ from typing import Any
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, InputError, Problems
 from eqt_cli.base.option_types import Kind, option_names, shown, unknown_key, validated
 from eqt_cli.base.reporting import reporter
-from eqt_cli.engines.engine import Engine, SolverChecks, engines
+from eqt_cli.engines.engine import Compiled, Engine, SolverChecks, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 AUTO = "auto"
@@ -49,7 +49,7 @@ class Solver:
     def estimates_errors(self) -> bool:
         """Whether every run is solved twice to estimate its error."""
         wanted = self.judgement.error_estimate
-        return self.engine.estimates_errors if wanted is None else wanted
+        return isinstance(self.engine, Compiled) if wanted is None else wanted
 
     @property
     def resolved(self) -> dict[str, Any]:
@@ -80,11 +80,16 @@ class Solver:
         """
         if not self.is_auto or engine == self.engine.name or engine not in engines.names():
             return None
-        if why := engines.get(str(engine)).unavailable():
+        if why := unavailable(engines.get(str(engine))):
             needs = why.partition("; or use")[0]
             raise EqtError(f"{folder}: was begun by engine {engine}; {needs}", OTHER_FOLDER)
         reporter().remark(EqtWarning(f"{folder}: goes on by engine {engine}, which began it"))
         return str(engine)
+
+
+def unavailable(kind: type[Engine]) -> str | None:
+    """Return why an engine cannot be used on this machine, and the remedy; None if it can."""
+    return kind.unavailable() if issubclass(kind, Compiled) else None
 
 
 class SolverKind(Kind):
@@ -104,8 +109,8 @@ class SolverKind(Kind):
         with problems.catching("engine"):
             if not isinstance(name, str):
                 raise InputError(f"expected the name of an engine, got {shown(name)}")
-            if unavailable := engines.get(name).unavailable():
-                raise InputError(unavailable)
+            if why := unavailable(engines.get(name)):
+                raise InputError(why)
             kinds = kinds or [engines.get(name)]
         if not kinds or value.keys() - {*_keys(kinds)}:
             kinds = engines.all()

@@ -13,7 +13,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar, Protocol, final
+from typing import Any, ClassVar, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 
@@ -793,29 +793,39 @@ Equal reductions give the same numbers.
 """
 
 
+class Work(NamedTuple):
+    """The work for a run, in the unit that an engine counts and `max_steps` limits."""
+
+    amount: float = 0.0
+    unit: str = "steps"
+
+
+class Measuring(NamedTuple):
+    """What is measured of every run, by a function of its samples and a reduction.
+
+    Attributes
+    ----------
+    rows : (runs, samples, n) or (samples, n) each
+        Rows that the function takes after the states.
+    returned
+        The arrays to return; None for all of them, and the states.
+    """
+
+    function: SampledFunction
+    reduction: Reduction
+    rows: Sequence[Array]
+    returned: Sequence[str] | None = ()
+
+
 @dataclass(frozen=True)
 class Engine(Component):
-    """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
+    """An integrator: a frozen dataclass whose fields are its keys in `solver`.
 
-    estimates_errors: ClassVar[bool] = False
-    """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
-    threads: ClassVar[bool] = False
-    """Whether it computes outside Python, so that threads of one process use several cores."""
-    as_fast_in_threads: ClassVar[int] = 1
-    """Largest number of threads as fast as that many processes, which take a second to start."""
-    calls_laws: ClassVar[bool] = True
-    """Whether it calls a law as Python, at any time, rather than compile it."""
-    part_runs: ClassVar[int] = 50
-    """Approximate number of runs in a part: enough to outweigh a file, few enough to lose."""
-    counted: ClassVar[str] = "steps"
-    """The unit of work that its solutions count."""
+    What only some engines can do is a protocol below.
+    """
+
     rtol: float
     """The accuracy that the results are judged by."""
-
-    @classmethod
-    def unavailable(cls) -> str | None:
-        """Return why it cannot be used on this machine, and the remedy; None if it can."""
-        return None
 
     @abstractmethod
     def integrator(self, problem: Problem) -> Integrator:
@@ -831,7 +841,7 @@ class Engine(Component):
         `progress` is called with the number of further runs done, in fractions. What it raises ends
         the solve.
         """
-        threads = workers if self.threads else 1
+        threads = workers if isinstance(self, Compiled) else 1
         groups = self.groups(problem, threads)
         solution = walked(self.integrator(problem), groups, progress, threads)
         if problem.loop.vehicle.control is not None:
@@ -847,79 +857,103 @@ class Engine(Component):
         start, stop = problem.times[[0, -1]]
         self.solve(replace(problem, times=np.array([start, start + REHEARSED * (stop - start)])))
 
-    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
-        """Return the runs best solved and evaluated together; they never change a result."""
-        return [np.arange(problem.runs)]
+    @abstractmethod
+    def tightened(self, factor: float) -> Engine:
+        """Return the engine with its tolerances multiplied by `factor` < 1."""
 
-    def evaluate(
-        self, function: SampledFunction, problem: Problem, *rows: Array
-    ) -> dict[str, Array]:
-        """Evaluate a function of loop, time and rows of numbers, at every sample of every run.
-
-        Parameters
-        ----------
-        rows : (runs, samples, n) each
-            Flat states, and further rows that the function takes; (samples, n) if runs share them.
-
-        Returns
-        -------
-        dict
-            Arrays by name, ``(runs, samples, …)`` each.
-        """
-        return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
-
-    def measured(
-        self,
-        function: SampledFunction,
-        reduction: Reduction,
-        problem: Problem,
-        rows: Sequence[Array],
-        returned: Sequence[str] | None,
-        workers: int = 1,
-        progress: Progress = lambda runs: None,
-    ) -> Solution:
-        """Solve, and compute numbers of each run from arrays at every sample.
-
-        Parameters
-        ----------
-        rows : (runs, samples, n) or (samples, n) each
-            Rows that the function takes after the states.
-        returned
-            The arrays to return; None for all of them, and the states.
-        """
-        solution = self.solve(problem, workers, progress)
-        with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            arrays = self.evaluate(function, problem, solution.states, *rows)
-            numbers = dict(reduction(SampledRuns(problem.times), arrays))
-        if returned is not None:  # the others take several times the memory of the states
-            arrays = {name: arrays[name] for name in returned}
-            solution = replace(solution, states=solution.states[:, :0].copy())
-        return replace(solution, numbers=numbers, arrays=arrays)
-
-    def work_for_stability(self, rates: Array, duration: float) -> float:
-        """Return the work, as `counted`, from which decaying errors stop growing; 0: no limit.
+    def work_for_stability(self, rates: Array, duration: float) -> Work:
+        """Return the work from which decaying errors stop growing; 0: no limit.
 
         Parameters
         ----------
         rates : (instants, n)
             The eigenvalues of the linearised loop at instants spread over the duration, 1/s.
         """
-        return 0.0
-
-    @abstractmethod
-    def tightened(self, factor: float) -> Engine:
-        """Return the engine with its tolerances multiplied by `factor` < 1."""
-
-    def provenance(self) -> dict[str, str]:
-        """Return the tools of this machine that it uses, by name; no result depends on them."""
-        return {}
-
-    def runs_at_once(self, most: int) -> int:
-        """Return the number of runs for one `solve`, near `most`; it must not change results."""
-        return max(1, most)
+        return Work()
 
     def check(self, problems: Problems) -> None:
         """Note problems of its options."""
+
+
+@runtime_checkable
+class Compiled(Protocol):
+    """An engine that computes outside Python, so that threads of one process use several cores.
+
+    It compiles a law rather than call it as Python, and a second, tighter solve of each run is so
+    cheap that errors are estimated by default.
+    """
+
+    @classmethod
+    def unavailable(cls) -> str | None:
+        """Return why it cannot be used on this machine, and the remedy; None if it can."""
+
+    def provenance(self) -> dict[str, str]:
+        """Return the tools of this machine that it uses, by name; no result depends on them."""
+
+    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
+        """Return the runs best solved and evaluated together; they never change a result."""
+
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, *rows: Array
+    ) -> dict[str, Array] | None:
+        """Do as `evaluate` below, by compiled code; None if the function cannot be compiled."""
+
+    def measure(
+        self, problem: Problem, wanted: Measuring, workers: int, progress: Progress
+    ) -> Solution | None:
+        """Do as `measure` below, while it solves; None if that cannot be done."""
+
+
+@runtime_checkable
+class SharesSteps(Protocol):
+    """An engine whose runs share the steps of their block; a part has whole blocks."""
+
+    @property
+    def runs_per_block(self) -> int:
+        """The number of runs of a block."""
+
+
+def evaluate(
+    engine: Engine, function: SampledFunction, problem: Problem, *rows: Array
+) -> dict[str, Array]:
+    """Evaluate a function of loop, time and rows of numbers, at every sample of every run.
+
+    Parameters
+    ----------
+    rows : (runs, samples, n) each
+        Flat states, and further rows that the function takes; (samples, n) if runs share them.
+
+    Returns
+    -------
+    dict
+        Arrays by name, ``(runs, samples, …)`` each.
+    """
+    arrays = engine.evaluate(function, problem, *rows) if isinstance(engine, Compiled) else None
+    if arrays is None:
+        return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
+    return arrays
+
+
+def measure(
+    engine: Engine,
+    problem: Problem,
+    wanted: Measuring,
+    workers: int = 1,
+    progress: Progress = lambda runs: None,
+) -> Solution:
+    """Solve, and compute numbers of each run from arrays at every sample."""
+    if isinstance(engine, Compiled) and (
+        solution := engine.measure(problem, wanted, workers, progress)
+    ):
+        return solution
+    solution = engine.solve(problem, workers, progress)
+    with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+        arrays = evaluate(engine, wanted.function, problem, solution.states, *wanted.rows)
+        numbers = dict(wanted.reduction(SampledRuns(problem.times), arrays))
+    if wanted.returned is not None:  # the others take several times the memory of the states
+        arrays = {name: arrays[name] for name in wanted.returned}
+        solution = replace(solution, states=solution.states[:, :0].copy())
+    return replace(solution, numbers=numbers, arrays=arrays)
 
 
 engines = Registry("engine", "engines", Engine, ("engines.solve_ivp", "engines.native"))

@@ -34,13 +34,14 @@ from eqt_cli.engines.engine import (
     Engine,
     Failure,
     Integrator,
+    Measuring,
     Problem,
     Progress,
-    Reduction,
     SampledFunction,
     Solution,
     Span,
     SpanResult,
+    Work,
     walked,
 )
 from eqt_cli.engines.library import Rows, SampleProgram
@@ -674,11 +675,6 @@ class Native(Engine):
     """
 
     name: ClassVar[str] = "native"
-    estimates_errors: ClassVar[bool] = True
-    threads: ClassVar[bool] = True
-    as_fast_in_threads: ClassVar[int] = 2  # measured on two cores
-    calls_laws: ClassVar[bool] = False
-    part_runs: ClassVar[int] = 2500
 
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
     atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-12
@@ -699,9 +695,9 @@ class Native(Engine):
         """Return the engine with both tolerances times `factor`."""
         return replace(self, rtol=self.rtol * factor, atol=self.atol * factor)
 
-    def work_for_stability(self, rates: Array, duration: float) -> float:
+    def work_for_stability(self, rates: Array, duration: float) -> Work:
         """Return steps of DOP853."""
-        return steps(FUNCTIONS["DOP853"], rates, duration)
+        return Work(steps(FUNCTIONS["DOP853"], rates, duration))
 
     def provenance(self) -> dict[str, str]:
         """Return the compiler, if there is one: shards are packed without."""
@@ -748,12 +744,12 @@ class Native(Engine):
 
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
-    ) -> dict[str, Array]:
-        """Evaluate by compiled code, if the function can be compiled; else on arrays."""
+    ) -> dict[str, Array] | None:
+        """Evaluate by compiled code; None if the function cannot be compiled."""
         loop, times = problem.loop, problem.times
         program = sampled(function, loop, tuple(row.shape[-1] for row in rows))
         if program is None:
-            return super().evaluate(function, problem, *rows)
+            return None
         inputs = [
             *(Rows(row, by_run=row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
@@ -762,29 +758,24 @@ class Native(Engine):
         ]
         return library.evaluated(program, problem.runs, len(times), inputs)
 
-    def measured(
-        self,
-        function: SampledFunction,
-        reduction: Reduction,
-        problem: Problem,
-        rows: Sequence[Array],
-        returned: Sequence[str] | None,
-        workers: int = 1,
-        progress: Progress = lambda runs: None,
-    ) -> Solution:
+    def measure(
+        self, problem: Problem, wanted: Measuring, workers: int, progress: Progress
+    ) -> Solution | None:
         """Solve and measure sample by sample on the way, if not all arrays are asked for.
 
         Few runs, those with several spans or a sampled law, and functions that cannot be compiled,
         are measured from stored states.
         """
-        loop, times = problem.loop, problem.times
+        loop, times, (function, reduction, rows, returned) = problem.loop, problem.times, wanted
         lengths = (loop.state_length, *(row.shape[-1] for row in rows))
-        measures, many = None, problem.runs > FEW_RUNS
-        if many and returned is not None and len(problem.spans) == 1 and not loop.vehicle.control:
-            grid = tuple(times.tolist())
-            measures = running(function, reduction, loop, lengths, tuple(returned), grid)
+        if returned is None or problem.runs <= FEW_RUNS:
+            return None
+        if len(problem.spans) > 1 or loop.vehicle.control:
+            return None
+        grid = tuple(times.tolist())
+        measures = running(function, reduction, loop, lengths, tuple(returned), grid)
         if measures is None:
-            return super().measured(function, reduction, problem, rows, returned, workers, progress)
+            return None
         inputs = [
             *(Rows(row, row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),

@@ -27,6 +27,7 @@ from eqt_cli.engines.engine import (
     Problem,
     Span,
     SpanResult,
+    Work,
     lost_calls,
 )
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -300,7 +301,6 @@ class SolveIvp(Engine):
     """
 
     name: ClassVar[str] = "solve_ivp"
-    counted: ClassVar[str] = "evaluations"
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
@@ -323,16 +323,12 @@ class SolveIvp(Engine):
         """Return the engine with both tolerances times `factor`."""
         return replace(self, rtol=max(self.rtol * factor, SMALLEST_RTOL), atol=self.atol * factor)
 
-    def work_for_stability(self, rates: Array, duration: float) -> float:
+    def work_for_stability(self, rates: Array, duration: float) -> Work:
         """Return evaluations, as many per step as stages, for an explicit method; else 0."""
         if self.method not in FUNCTIONS:
-            return 0.0
+            return Work()
         function = FUNCTIONS[self.method]
-        return (len(function) - 1) * steps(function, rates, duration)
-
-    def runs_at_once(self, most: int) -> int:
-        """Return a number of whole blocks, so that blocks do not depend on the memory."""
-        return max(1, most // self.runs_per_block) * self.runs_per_block
+        return Work((len(function) - 1) * steps(function, rates, duration), "evaluations")
 
     def integrator(self, problem: Problem) -> Blocks:
         """Return the integrator of blocks, whose runs share their steps."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
+from eqt_cli.engines.engine import Compiled
 from eqt_cli.loop.closed_loop import LoopPart, parts_of
 
 MATRICES, NUMBERS = 50, 1000
@@ -52,7 +53,7 @@ def dependent(study: Study) -> str:
 
 def _dependent(experiment: Experiment) -> str:
     engine, start, parts = experiment.engine, experiment.start, list[LoopPart]()
-    if engine.calls_laws:
+    if not isinstance(engine, Compiled):
         return f"engine {engine.name}"
     for index, loop in enumerate(experiment.loops.values()):
         parts += parts_of(loop, index)

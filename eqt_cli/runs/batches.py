@@ -21,7 +21,7 @@ from eqt_cli.components.sensors import Errors
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Engine, Problem, SolverChecks, hurried
+from eqt_cli.engines.engine import Compiled, Engine, Problem, SolverChecks, evaluate, hurried
 from eqt_cli.engines.extrapolation import Extrapolation
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
@@ -152,7 +152,7 @@ def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict
     engine, first = study.experiment(int(points[0])).engine, problem.times[:1]
     start = InitialState(poses, numbers.shape[1:], _placing(poses))
     with hurried():
-        values = engine.evaluate(start, replace(problem, times=first), rows)
+        values = evaluate(engine, start, replace(problem, times=first), rows)
     return {name: value[:, 0] for name, value in values.items()}
 
 
@@ -436,15 +436,14 @@ def _samples(base: Experiment, problem: Problem, longest: float, total: float) -
     """Return how many samples are repeated, by the work of the longest run, and of all."""
     if base.solver.judgement.cross_check != SolverChecks.cross_check:
         return len(problem.times)
-    counted, intervals = base.engine.counted, len(problem.times) - 1
-    in_c = counted == "steps"
+    in_c, intervals = isinstance(base.engine, Compiled), len(problem.times) - 1
     evaluations = (STAGES if in_c else 1) * longest
     evaluations = max(evaluations, EVALUATIONS_PER_SAMPLE * intervals * in_c)
     per_sample = (evaluations + EVALUATIONS_PER_SPAN * len(problem.spans)) / intervals
     if per_sample > MOST_EVALUATIONS:
         raise _Skipped(f"up to the first sample it takes about {per_sample:.1g} evaluations")
     share = SHARE * total * (STAGES / COMPILED if in_c else 1 / BLOCK_RUNS)
-    allowed = max(EVALUATIONS.get(counted, EVALUATIONS["evaluations"]), share)
+    allowed = max(EVALUATIONS["steps" if in_c else "evaluations"], share)
     return 1 + min(max(1, int(allowed / per_sample)), intervals)
 
 

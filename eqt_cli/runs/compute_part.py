@@ -27,7 +27,16 @@ from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.tasks import TRACK
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Problem, Solution, Stopped, hurried
+from eqt_cli.engines.engine import (
+    Compiled,
+    Measuring,
+    Problem,
+    Solution,
+    Stopped,
+    evaluate,
+    hurried,
+    measure,
+)
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
@@ -76,7 +85,7 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
         states = np.empty((len(batch.rows), len(study.base.times), 0))
         if batch.problem.loop.state_length:  # a reference without states needs no integration
             states = batch.engine.solve(batch.problem).states
-        for name, values in batch.engine.evaluate(_desired, batch.problem, states).items():
+        for name, values in evaluate(batch.engine, _desired, batch.problem, states).items():
             blank = np.empty((len(points), *values.shape[1:]))
             desired.setdefault(name, blank)[batch.rows] = values
     return desired
@@ -261,11 +270,13 @@ class Slab:
 
     def blocks(self, batch: Batch, threads: int) -> Iterator[Batch]:
         """Divide a batch into blocks; compiled runs of which numbers suffice are by themselves."""
+        if not isinstance(batch.engine, Compiled):  # whose runs may share their steps
+            yield batch
+            return
         whole = (self._stored[batch.rows] >= 0) | (self._checked[batch.rows] >= 0)
-        whole |= not batch.engine.threads  # whose runs may share their steps
         for some in (batch.select(np.flatnonzero(kind)) for kind in (whole, ~whole)):
             if some.problem.runs:
-                yield from map(some.select, some.engine.blocks(some.problem, threads))
+                yield from map(some.select, batch.engine.blocks(some.problem, threads))
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
@@ -359,14 +370,15 @@ def _solve(
     share = 0.5 if solver.estimates_errors else 1.0
     returned = None if whole else (MOTION,)
     how = context.threads, lambda runs: context.progress(share * runs)
-    rows = [_in_rows(reference)]
-    first = engine.measured(*_functions(batch, names), batch.problem, rows, returned, *how)
+    wanted = Measuring(*_functions(batch, names), [_in_rows(reference)], returned)
+    first = measure(engine, batch.problem, wanted, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
-        again, motion = replace(batch.problem, halved=True), [first.arrays[MOTION]]
+        again = replace(batch.problem, halved=True)
+        wanted = Measuring(difference, largest_difference, [first.arrays[MOTION]])
         # Of few steps in a hold the last is cut: a tenth may need no other number of them.
         tighter = engine.tightened(0.05 if batch.problem.loop.period else 0.1)
-        second = tighter.measured(difference, largest_difference, again, motion, (), *how)
+        second = measure(tighter, again, wanted, *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
         first.status[second.status == Status.STOPPED] = Status.STOPPED
     _find_undefined(first)
@@ -391,7 +403,7 @@ def measured(
     """
     function, reduction = _functions(batch, names)
     states, times = solution.states, batch.problem.times
-    sampled = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
+    sampled = evaluate(batch.engine, function, batch.problem, states, _in_rows(reference))
     return sampled | reduction(SampledRuns(times), sampled)
 
 
@@ -606,7 +618,8 @@ def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
     if not len(near):
         return
     problem, limit = batch.problem.select(near), max(LARGE, BOUND_PER_RTOL * batch.engine.rtol)
-    motion, apart = [first.arrays[MOTION][near]], np.zeros(len(near))
+    wanted = Measuring(difference, largest_difference, [first.arrays[MOTION][near]])
+    apart = np.zeros(len(near))
     loop, t = problem.batched_loop(), float(problem.times[0])
     s = loop.tracking(t, problem.states)
     for error in (NEAR, -NEAR):  # of a law that jumps, one of them is on the other side
@@ -614,7 +627,7 @@ def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
         x = error * np.cos(np.arange(loop.group.dimension))
         start = loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
         other = replace(problem, states=start)
-        solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
+        solved = measure(batch.engine, other, wanted, threads)
         ends = solved.status == Status.OK  # or the error has made it diverge
         first.status[near[solved.status == Status.STOPPED]] = Status.STOPPED
         apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
@@ -670,9 +683,9 @@ def _compile(study: Study, label: str) -> None:
         problem = replace(batch.problem, times=start.times)
         states, m = batch.engine.solve(problem).states, loop.group.dimension
         motion = np.zeros((1, 2, loop.group.size**2 + m))
-        batch.engine.evaluate(_functions(batch, wanted)[0], problem, states, motion[0])
+        evaluate(batch.engine, _functions(batch, wanted)[0], problem, states, motion[0])
         if batch.experiment.solver.estimates_errors:
-            batch.engine.evaluate(difference, problem, states, motion)
+            evaluate(batch.engine, difference, problem, states, motion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -792,7 +805,7 @@ class PartTask:
         base, piece = self.study.base, self.study.piece(0)
         kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
         with hurried(_is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
-            for label in kinds.values() if threads and base.engine.threads else ():
+            for label in kinds.values() if threads and isinstance(base.engine, Compiled) else ():
                 pool.submit(copy_context().run, _compile, piece, label)
             self._save_references()
 

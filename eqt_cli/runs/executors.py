@@ -30,10 +30,14 @@ from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
-from eqt_cli.engines.engine import STOP, Engine
+from eqt_cli.engines.engine import STOP, Compiled, Engine
 
 # Base class of executors, which compute numbered items without knowing what they are --------------
 
+
+AS_FAST_IN_THREADS = 2
+"""Largest number of threads as fast as that many processes, which take a second to start; measured
+on two cores, of compiled code."""
 
 MOST_TRIES = 3
 """Number of lost workers after which an item is given up."""
@@ -461,8 +465,9 @@ class Auto(Executor):
 
     def for_engine(self, engine: Engine) -> Auto:
         """Return the executor with the measured defaults for this engine."""
-        threads = engine.threads if self.threads is None else self.threads
-        as_fast = self.workers <= engine.as_fast_in_threads
+        compiled = isinstance(engine, Compiled)
+        threads = compiled if self.threads is None else self.threads
+        as_fast = self.workers <= (AS_FAST_IN_THREADS if compiled else 1)
         return Auto(self.workers, threads, as_fast if self.stays is None else self.stays)
 
     def at_once(self, items: int, each: float) -> int:

@@ -24,7 +24,7 @@ from eqt_cli.config.experiment import check_starts
 from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.remarks import check_steps
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.engine import Compiled, Problem
 from eqt_cli.loop.closed_loop import parts_of
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
@@ -177,7 +177,7 @@ def estimate(study: Study, executor: Executor, most_seconds: float = PROBE_SECON
     """
     plans, count = study.plans, len(study.shapes)
     measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
-    threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
+    threads = executor.threads_for(len(plans)) if isinstance(study.base.engine, Compiled) else 1
     runs = sum(plans.plans[index].total for index in measured)
     share, parts, timed = most_seconds / len(measured), len(plans), 0.0
     size = result_size(study)

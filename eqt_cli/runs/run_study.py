@@ -24,6 +24,7 @@ from eqt_cli.base.stored import LAW, SHAPE, Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
+from eqt_cli.engines.engine import Compiled
 from eqt_cli.results.quantity import Measure
 from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
@@ -423,7 +424,9 @@ class _Session:
 
 def _origin(study: Study) -> dict[str, Any]:
     """Return where numbers come from that are computed now."""
-    return provenance(study.document.home.folder, study.base.engine.provenance() | by(study))
+    engine = study.base.engine
+    tools = engine.provenance() if isinstance(engine, Compiled) else {}
+    return provenance(study.document.home.folder, tools | by(study))
 
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"

@@ -13,6 +13,7 @@ from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import check_steps, ill_conditioned, remarks
+from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.linearised import flow
 
@@ -32,13 +33,13 @@ STIFF = {"kd": "{kp: 1.0, kd: 1000.0}", "kp": "{kp: 20000.0, kd: 600.0}"}
 
 @pytest.mark.parametrize(("method", "gains"), METHODS_AND_GAINS)
 def test_the_work_that_is_told_is_within_a_factor_of_two(experiment, method, gains):
-    if engines.get(method.split(",")[0]).unavailable():
+    if unavailable(engines.get(method.split(",")[0])):
         pytest.skip(f"{method} is not installed")
     made = experiment(gains=STIFF[gains], solver=f"{{engine: {method}, rtol: 1.0e-4}}")
     loop, duration = made.loops["gt"], made.config.time.duration
     Qd, Vd = made.desired.pose, made.desired.velocity
     rates = np.linalg.eigvals(flow(loop, np.zeros(1), Qd[None], Vd[None]))
-    told = made.engine.work_for_stability(rates, duration)
+    told = made.engine.work_for_stability(rates, duration).amount
     Q, V = draw_initial_states(
         made.group, made.start.poses, made.start.velocities, Qd=Qd, Vd=Vd, seed=1, runs=[0]
     )

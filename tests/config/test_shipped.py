@@ -16,6 +16,7 @@ from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import engines
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
@@ -78,7 +79,7 @@ def test_certificates_hold(case):
     from eqt_cli.extensions.proofs.certificates import Verdict
 
     name, engine = case.split("-")
-    if engines.get(engine).unavailable():
+    if unavailable(engines.get(engine)):
         pytest.skip(f"engine {engine} is not installed")
     verification = found(name, engine)
     assert not verification.failed_runs
@@ -134,7 +135,7 @@ def test_every_configuration_is_reviewed():
 
 
 @pytest.mark.needs("proofs")
-@pytest.mark.skipif(engines.get("native").unavailable() is not None, reason="no compiler")
+@pytest.mark.skipif(unavailable(engines.get("native")) is not None, reason="no compiler")
 def test_weights_of_the_slow_escape_are_a_navigation_function():
     from eqt_cli.extensions.proofs.certificates import Verdict
 

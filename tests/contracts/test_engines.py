@@ -20,6 +20,7 @@ from eqt_cli.components.references import ClosedReference, ConstantReference
 from eqt_cli.components.sensors import Errors, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import Problem, Status
 
 RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-6
@@ -31,8 +32,8 @@ ERROR = 200 * RTOL
 
 @pytest.fixture
 def engine(make, engine_class):
-    if engine_class.unavailable():
-        pytest.skip(engine_class.unavailable())
+    if why := unavailable(engine_class):
+        pytest.skip(why)
     return dataclasses.replace(make(engine_class), rtol=RTOL)
 
 
@@ -215,8 +216,8 @@ def test_the_number_of_threads_changes_no_bit(engine, problem):
 
 
 def test_runs_given_together_change_no_bit(engine, problem):
-    """`runs_at_once` says in which portions runs may be given."""
-    portion = engine.runs_at_once(2)
+    """`runs_per_block` says in which portions runs may be given."""
+    portion = max(2, getattr(engine, "runs_per_block", 1))
     whole = engine.solve(problem).states
     parts = [
         engine.solve(problem.select(slice(k, k + portion))).states for k in range(0, RUNS, portion)

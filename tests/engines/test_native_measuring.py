@@ -7,7 +7,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli.engines import compiler, library, native
-from eqt_cli.engines.engine import Engine
+from eqt_cli.engines.engine import measure
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import TaskContext
@@ -67,7 +67,7 @@ def assert_same(found, expected):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypatch):
-    monkeypatch.delattr(Engine, "measured")  # which stores states
+    monkeypatch.setattr("eqt_cli.engines.engine.evaluate", None)  # of stored states
     assert_same(part_of(*changed, threads), expected)
     assert expected.data["status"].any() == ("solver.max_steps" in changed[1])
 
@@ -83,14 +83,13 @@ def test_numbers_of_few_runs_are_those_of_many(changed, expected, monkeypatch):
 @pytest.mark.parametrize("runs", [3, native.FEW_RUNS + 2])
 def test_only_runs_to_check_keep_their_signals(runs, monkeypatch):
     path, kept = Path(__file__).parents[2] / "configs" / "paper.yaml", []
-    measured = native.Native.measured
 
     def noted(engine, *given):
-        solution = measured(engine, *given)
+        solution = measure(engine, *given)
         kept.append((len(solution.status), len(solution.arrays), solution.states.shape[1] > 2))
         return solution
 
-    monkeypatch.setattr(native.Native, "measured", noted)
+    monkeypatch.setattr("eqt_cli.runs.compute_part.measure", noted)
     part = part_of(path, FEW | {"ensemble.runs": runs, "solver.cross_check": 1})
     (checked, signals, states), second, (others, motion, none), _ = kept
     assert (checked, signals > 10, states, second[1]) == (1, True, True, 0)

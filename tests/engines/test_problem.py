@@ -82,15 +82,6 @@ class Asked(Engine):
         return self
 
 
-def test_an_engine_that_says_nothing_else_calls_laws_in_one_thread():
-    engine = Asked()
-    assert engine.calls_laws
-    assert not engine.threads
-    assert not engine.estimates_errors
-    assert engine.work_for_stability(np.array([[-1e3]]), 1.0) == 0
-    assert [engine.runs_at_once(most) for most in (0, 1, 7)] == [1, 1, 7]
-
-
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
 def test_a_billionth_of_the_horizon_is_rehearsed(times):
     engine = Asked()

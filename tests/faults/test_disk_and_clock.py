@@ -27,7 +27,7 @@ def config(tmp_path, monkeypatch):
     if missing := Native.unavailable():
         pytest.skip(missing)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("eqt_cli.engines.engine.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.config.study.PART_RUNS", 2)
     monkeypatch.setattr("eqt_cli.runs.run_study.UNSAVED_SECONDS", 0.0)
     Path("c.yaml").write_text(NATIVE, encoding="utf-8")
     return Path("c.yaml")

@@ -58,7 +58,7 @@ sweep:
 def _small_parts():
     """Parts of one block, so that a small experiment has several."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.engines.engine.Engine.part_runs", 3)
+        patch.setattr("eqt_cli.config.study.PART_RUNS", 3)
         yield
 
 
@@ -231,7 +231,7 @@ def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path
     with pytest.raises(KeyboardInterrupt):
         execute(make(), out)
     monkeypatch.undo()
-    monkeypatch.setattr("eqt_cli.engines.engine.Engine.part_runs", 3)
+    monkeypatch.setattr("eqt_cli.config.study.PART_RUNS", 3)
     assert execute(make(), out).was_complete
     assert_equal(out, whole)
 

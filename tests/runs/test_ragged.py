@@ -44,7 +44,7 @@ TIMES = "sweep: [{grid: {gains.kp: [1, 2], time.samples: [6, 4]}}]\n"
 def _small_parts():
     """Parts of one block, so that every piece has several."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.engines.engine.Engine.part_runs", 5)
+        patch.setattr("eqt_cli.config.study.PART_RUNS", 5)
         yield
 
 

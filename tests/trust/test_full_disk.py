@@ -20,7 +20,7 @@ from eqt_cli.runs.run_study import Shard, execute, pack_folder
 @pytest.fixture(autouse=True)
 def _small_parts(monkeypatch):
     """Parts of two runs, so that a small experiment has several."""
-    monkeypatch.setattr("eqt_cli.engines.engine.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.config.study.PART_RUNS", 2)
 
 
 @pytest.fixture
