@@ -115,7 +115,10 @@ class Parsl(Pooled):
             from parsl.concurrent import ParslPoolExecutor
             from parsl.executors.high_throughput.errors import ManagerLost, WorkerLost
         except ImportError as error:
-            raise EqtError("executor parsl needs pip install 'eqt-cli[cluster]'") from error
+            raise EqtError(
+                "executor parsl needs the package parsl; run pip install '.[cluster]' in the "
+                "checkout of eqt"
+            ) from error
         config = self._config(parsl.Config)
         heads = [executor for executor in config.executors if hasattr(executor, "interchange_proc")]
         scripts = Path(sys.executable).parent

@@ -86,8 +86,34 @@ class Signal:
     def factor(self) -> Array:
         """What the code has of 1, in units of eqt."""
         if (size := size_of(self.unit or "1")) is None:
-            raise InputError(f"unit: expected a unit such as deg/s, got {self.unit}")
+            raise InputError(f"expected a unit such as deg/s, got {self.unit}")
         return np.asarray(self.sign) * self.scale / size[0]
+
+    def check_read(self, G: MatrixLieGroup, x: LawInput, problems: Problems) -> None:
+        """Note an unknown signal, a wrong factor, and keys that mean nothing of this signal."""
+        with problems.catching("signal"):
+            name, _, where, eqt_frame = self._place(G, x)
+            vain = {"as_": "rotations"} if eqt_frame else {"frame": "vectors"}
+            if not eqt_frame and self.as_ != "roll-pitch-yaw":
+                vain |= dict.fromkeys(("unit", "scale"), "vectors and angles")
+            for key, kind in vain.items():
+                if getattr(self, key) != getattr(Signal(), key):
+                    problems.at(key.rstrip("_")).add(f"is for {kind}; remove this key")
+            value: Array = np.asarray(getattr(x, name))[where]
+            self.check_factor(value.shape[-1] if value.ndim > 1 else 1, problems)
+            if not eqt_frame and self.as_ not in ("matrix", "columns") and G.space < 3:
+                problems.at("as").add(f"{G.name} turns by one angle; use matrix or columns")
+
+    def check_factor(self, size: int, problems: Problems) -> None:
+        """Note an unknown unit, and a scale or signs of another number of axes, or of 0."""
+        with problems.catching("unit"):
+            _ = self.factor
+        if self.scale == 0:
+            problems.at("scale").add("expected a number other than 0")
+        signs = self.sign if isinstance(self.sign, list) else [self.sign]
+        if len(signs) not in (1, size) or 0 in signs:
+            several = f", or a list of {size}" if size > 1 else ""
+            problems.at("sign").add(f"expected 1 or -1{several}, got {shown(self.sign)}")
 
     def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return the signal as code reads it, ``(..., *shape)``."""
@@ -115,10 +141,12 @@ class Signal:
         """Return the input, its part, where that is, and its frame in eqt; none of a rotation."""
         name, _, which = self.signal.partition(".")
         part = next((each for each in G.parts if which in ("", each.name)), None)
-        if part is None or getattr(x, name, None) is None:
-            absent = {*NOT_IN_CODE, *(() if x.later_pose is not None else LATER)}
-            known = ", ".join(name for name in x._fields if name not in absent)
-            raise InputError(f"signal: expected {known}, or a part, got {shown(self.signal)}")
+        flat = ("position", "heading") if np.size(x.position) else ()  # of rigid motions alone
+        absent = {*NOT_IN_CODE, "position", "heading"} - {*flat}
+        fields = [name for name in x._fields if name not in absent and getattr(x, name) is not None]
+        if part is None or name not in fields:
+            known = ", ".join(fields)
+            raise InputError(f"expected {known}, or a part, got {shown(self.signal)}")
         if name.endswith("pose"):
             rows, columns = part.entries if which else (slice(None), slice(0, None))
             if part.turns:
@@ -200,6 +228,9 @@ class Output(Signal):
             problems.at("thrust").add("expected [c0, c1, c2], with as: rotors")
         if order and (self.frame or self.per):
             problems.add("frame and per apply to a whole torque; remove them, or order")
+        if self.signal:
+            problems.at("signal").add("is for inputs; remove this key")
+        self.check_factor(len(order) or G.dimension, problems)
 
     def matrix(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Array | None:
         """Return the matrix from what it returns to the command; None for 1."""
@@ -397,6 +428,8 @@ class Code(_Numbers, RunsCode, Previews):
             _check_name(name, problems.at("memory", index))
         for name in self.adapter.inputs if self.adapter and not self.code.is_python else ():
             _check_name(name, problems.at("adapter", "inputs", name))
+        for name, signal in self.adapter.inputs.items() if self.adapter else ():
+            signal.check_read(G, self._first_inputs(G), problems.at("adapter", "inputs", name))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
         self._adapted.output.check(G, problems.at("adapter", "output"))
@@ -418,6 +451,9 @@ class Code(_Numbers, RunsCode, Previews):
                 f"{self.file} gives no name in C; name the function with the key `function`"
             )
         self.law_of(G, problems)
+
+    def _first_inputs(self, G: MatrixLieGroup) -> LawInput:
+        return first_inputs(G, self.preview_.steps if self.preview_ else 0)
 
     def _check_calls(self, problems: Problems) -> None:
         """Note options of memory and failures that exclude each other."""
@@ -477,7 +513,7 @@ class Code(_Numbers, RunsCode, Previews):
             return None, {}
         with problems.catching():
             steps = self.preview_.steps if self.preview_ else 0
-            space, first = G.space if matrix_groups.rigid_motions(G) else 0, first_inputs(G, steps)
+            space, first = G.space if matrix_groups.rigid_motions(G) else 0, self._first_inputs(G)
             reads = self._adapted.inputs.items()
             shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
@@ -681,11 +717,11 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
         """Whether the input of the function has the position and its derivatives."""
-        return not {"position", LATER[3]}.isdisjoint(self._reads)
+        return not {"position", "heading", LATER[3]}.isdisjoint(self._reads)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what the law that it claims to be knows of the plant."""
-        law, read, flat = self.claimed, self.called.code.inputs, plant.flat
+        law, flat = self.claimed, plant.flat
         here = problems.at("file")
         if law is not None and law.reads_flat_output and not self.reads_flat_output:
             here.add(
@@ -694,11 +730,10 @@ class Code(_Numbers, RunsCode, Previews):
             )
         elif self.reads_flat_output and (law is None or not law.reads_flat_output):
             check_flat_output(plant, problems)
-        if flat is not None and flat.heading is None and "heading" in read:
-            here.add(
-                f"{self.prefix}_input has a field heading, and the reference gives none; remove "
-                "the field"
-            )
+        if flat is not None and flat.heading is None and "heading" in self._reads:
+            where = "the adapter" if self.adapter else f"{self.prefix}_input"
+            at = problems.at("adapter") if self.adapter else here
+            at.add(f"{where} has a heading, and the reference gives none; remove it there")
         if self.preview_:
             check_foreseen(plant, problems.at("preview"))
         for key in ("object", "on_failure") if plant.period is None else ():

@@ -375,7 +375,7 @@ def of_onnx(made: bytes, path: Path) -> Built:
     except ImportError:
         raise InputError(
             f"{path.name}: reading ONNX needs the package onnx",
-            Remedy("pip install 'eqt-cli[network]'"),
+            Remedy("run pip install '.[network]' in the checkout of eqt"),
         ) from None
     try:
         model = onnx.load_model_from_string(made)

@@ -91,7 +91,7 @@ def test_what_does_not_fit_the_claim_is_told(told):
     typed()
     free = flying() | {"reference": {**EXPERIMENT["reference"], "heading": "free"}}
     assert told(free).endswith(
-        "file: quad_input has a field heading, and the reference gives none; remove the field"
+        "file: quad_input has a heading, and the reference gives none; remove it there"
     )
 
 

@@ -346,7 +346,7 @@ def test_an_error_at_one_state_is_no_torque(python, judged):
 
 @from_yaml
 def test_what_is_said_of_python_that_is_no_law(options, said, python, told):
-    assert told(python(**options)) == f"controllers[0]: {said}"
+    assert said in told(python(**options))
 
 
 def test_a_line_of_the_file_is_named(python, told):

@@ -644,4 +644,4 @@ def test_a_network_needs_a_clock(policy):
 
 def test_without_onnx_the_extra_is_named(read, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnx", None)
-    assert "pip install 'eqt-cli[network]'" in error_of(read, every_operation(), kind=InputError)
+    assert "pip install '.[network]'" in error_of(read, every_operation(), kind=InputError)
