@@ -455,8 +455,9 @@ def _unranked(wins: Map) -> Iterator[str]:
     if any(points):
         some, most = (f"{100 * share:.3g} %" for share in (1 - wins.settling, wins.settling))
         yield (
-            f"Points at which a law is not ranked: {_listed(wins, points)}; more than {some} of "
-            f"its runs fail, or fewer settle where another law settles in {most} (--share)"
+            f"Points at which a law is not ranked, and loses: {_listed(wins, points)}; more than "
+            f"{some} of its runs fail, or fewer settle where another law settles in {most} "
+            "(--share)"
         )
 
 

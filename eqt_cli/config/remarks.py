@@ -150,7 +150,7 @@ def _jump(experiment: Experiment, force: Force) -> float | None:
     G, Q, V = experiment.group, experiment.desired.pose[None], experiment.desired.velocity[None]
     times = np.linspace(0.0, experiment.config.time.duration, FORCE_SAMPLES)
     with np.errstate(all="ignore"):  # of one run, as engines call it
-        values = np.array([force.in_body(G, t, Q, V)[0] for t in times.tolist()])
+        values = np.array([(force.in_body(G, t, Q, V) + 0.0 * V)[0] for t in times.tolist()])
     steps = np.abs(np.diff(values, axis=0)).max(axis=-1)
     known = np.searchsorted(times, force.instants(G, times[-1]))
     steps[np.clip(known, 1, len(steps)) - 1] = 0.0

@@ -257,6 +257,14 @@ class Known(Pulse):
 
 
 @dataclass(frozen=True)
+class Steady(Pulse):
+    name: ClassVar[str] = "steady"
+
+    def acting(self, G, t, Q, V):
+        return np.full(G.dimension, 0.1)
+
+
+@dataclass(frozen=True)
 class Answers(Controller):
     name: ClassVar[str] = "answers"
 
@@ -269,7 +277,8 @@ class Answers(Controller):
 
 
 @pytest.mark.parametrize(
-    ("kind", "expected"), [("pulse", "plant.forces[0]: jumps at about t = 2.999 s"), ("known", "")]
+    ("kind", "expected"),
+    [("pulse", "plant.forces[0]: jumps at about t = 2.999 s"), ("known", ""), ("steady", "")],
 )
 def test_a_force_that_jumps_without_instants(tmp_path, monkeypatch, kind, expected):
     monkeypatch.chdir(tmp_path)

@@ -426,13 +426,9 @@ class Code(_Numbers, RunsCode, Previews):
             _check_name(name, problems.at("numbers", name))
         for index, name in enumerate(self.memory_):
             _check_name(name, problems.at("memory", index))
-        for name in self.adapter.inputs if self.adapter and not self.code.is_python else ():
-            _check_name(name, problems.at("adapter", "inputs", name))
-        for name, signal in self.adapter.inputs.items() if self.adapter else ():
-            signal.check_read(G, self._first_inputs(G), problems.at("adapter", "inputs", name))
+        self._check_adapter(G, problems.at("adapter"))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
-        self._adapted.output.check(G, problems.at("adapter", "output"))
         self._check_calls(problems)
         if self._casadi:
             _check_name(self.prefix, problems.at("function"))
@@ -454,6 +450,15 @@ class Code(_Numbers, RunsCode, Previews):
 
     def _first_inputs(self, G: MatrixLieGroup) -> LawInput:
         return first_inputs(G, self.preview_.steps if self.preview_ else 0)
+
+    def _check_adapter(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note errors of what the code is given, and of what it returns."""
+        first = self._first_inputs(G)
+        for name, signal in self.adapter.inputs.items() if self.adapter else ():
+            if not self.code.is_python:
+                _check_name(name, problems.at("inputs", name))
+            signal.check_read(G, first, problems.at("inputs", name))
+        self._adapted.output.check(G, problems.at("output"))
 
     def _check_calls(self, problems: Problems) -> None:
         """Note options of memory and failures that exclude each other."""

@@ -171,7 +171,7 @@ def _held(experiment: Experiment) -> Array:
     still, w = np.zeros((1, loop.group.dimension)), np.zeros(loop.group.dimension)
     with np.errstate(all="ignore"):  # of a plugin
         for force in loop.vehicle.forces:
-            w = w - force.in_body(loop.group, 0.0, pose, still)[0]
+            w = w - (force.in_body(loop.group, 0.0, pose, still) + 0.0 * still)[0]
     return w
 
 

@@ -45,6 +45,7 @@ def test_of_a_pyramid_of_wheels(tilt: float, axes: str) -> None:
         "reference": {"kind": "constant"},
         "controllers": ["eqt"],
         "actuators": [{"kind": "wheels", "pyramid": f"{tilt} deg", "limit": 0.01}],
+        "plant": {"forces": [{"kind": "constant", "force": [0, 0, 0]}]},
         "time": {"duration": 4.0},
     }
     wheels, b = members(body), np.radians(tilt)
@@ -52,6 +53,11 @@ def test_of_a_pyramid_of_wheels(tilt: float, axes: str) -> None:
     most = [0.04 * sides[axis] for axis in axes]
     np.testing.assert_allclose(wheels.left(), np.outer(most, [-1, 1]), rtol=1e-6)
     assert wheels.names == tuple(f"torque {axis}" for axis in axes)
+    body["plant"]["forces"][0]["force"] = [0.001, 0, 0]  # each wheel gives a part of it
+    left = members(body).left()
+    np.testing.assert_allclose(left[0], [-most[0] + 0.001, most[0] + 0.001], rtol=1e-6)
+    beside = np.array(most[1:]) - 0.001 * np.array(most[1:]) / most[0]
+    np.testing.assert_allclose(left[1:], np.outer(beside, [-1, 1]), rtol=1e-6)
 
 
 HEXAGON = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]
