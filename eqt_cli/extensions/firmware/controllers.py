@@ -92,7 +92,7 @@ class Signal:
     def check_read(self, G: MatrixLieGroup, x: LawInput, problems: Problems) -> None:
         """Note an unknown signal, a wrong factor, and keys that mean nothing of this signal."""
         with problems.catching("signal"):
-            name, _, where, eqt_frame = self._place(G, x)
+            name, part, where, eqt_frame = self._place(G, x)
             vain = {"as_": "rotations"} if eqt_frame else {"frame": "vectors"}
             if not eqt_frame and self.as_ != "roll-pitch-yaw":
                 vain |= dict.fromkeys(("unit", "scale"), "vectors and angles")
@@ -101,7 +101,7 @@ class Signal:
                     problems.at(key.rstrip("_")).add(f"is for {kind}; remove this key")
             value: Array = np.asarray(getattr(x, name))[where]
             self.check_factor(value.shape[-1] if value.ndim > 1 else 1, problems)
-            if not eqt_frame and self.as_ not in ("matrix", "columns") and G.space < 3:
+            if not eqt_frame and self.as_ not in ("matrix", "columns") and part.dimension == 1:
                 problems.at("as").add(f"{G.name} turns by one angle; use matrix or columns")
 
     def check_factor(self, size: int, problems: Problems) -> None:
