@@ -13,6 +13,7 @@ import pytest
 from case_tables import from_yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from said import says
 
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
 from eqt_cli.base.errors import ExpressionError, TraceError
@@ -174,7 +175,7 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
 
 @from_yaml
 def test_message(text: str, message: str) -> None:
-    assert _message(text) == message
+    assert says(_message(text), message)
 
 
 @pytest.mark.parametrize(

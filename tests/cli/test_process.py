@@ -11,6 +11,7 @@ import time
 import pytest
 from case_tables import from_yaml
 from plugin_sources import EVERY_KIND
+from said import says
 
 import eqt_cli
 from eqt_cli.base import process
@@ -21,8 +22,7 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 @from_yaml
 def test_wrong_usage_is_told_as_other_errors_are(refused, command, told):
     said = refused(*command.split())
-    assert said.startswith(f"eqt: {told}")
-    assert said.count("\n") == 1
+    assert says(said, f"eqt: {told}…\n")
 
 
 def test_version(process):
@@ -217,7 +217,8 @@ def test_entry_points_of_every_kind_run(process, folder):
 def test_a_broken_entry_point(process, folder, module, said):
     environment = install(folder, {"controllers": "my_law"}, module)
     done = process("list", "controllers", **environment)
-    assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")
+    assert (done.code, done.out) == (2, "")
+    assert says(done.err, f"eqt: {said}\n")
 
 
 COMMANDS = """\

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from said import says
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli import result_tables
@@ -251,12 +252,12 @@ def test_a_format_is_of_the_table(refused, result):
 
 @from_yaml
 def test_unknown_tables_and_formats(refused, result, options, message):
-    assert refused("show", result, *options) == f"eqt: {message}\n"
+    assert says(refused("show", result, *options), f"eqt: {message}\n")
 
 
 @from_yaml
 def test_options_of_an_export(refused, result, options, message):
-    assert refused("show", result, *options) == f"eqt: {message}\n"
+    assert says(refused("show", result, *options), f"eqt: {message}\n")
 
 
 def test_parquet_is_the_same_table(result, tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from drawn_starts import draw_initial_states
+from said import says
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
@@ -185,7 +186,7 @@ def test_what_is_said_of_options_that_do_not_fit(group, name, options, said):
     parts = {"position": Spread, "velocity": Spread, "translation": Speed}
     made = {key: parts[key](**each) if key in parts else each for key, each in options.items()}
     found = wrong_options(distribution(name, **made), group_named(group))
-    assert "\n".join(f"{option}: {message}" for option, message in found) == said
+    assert says("\n".join(f"{option}: {message}" for option, message in found), said)
 
 
 def test_a_spread_is_one_or_numbers():

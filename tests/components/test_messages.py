@@ -2,6 +2,7 @@
 
 import pytest
 from case_tables import from_yaml
+from said import says
 
 from eqt_cli.base.errors import ConfigError
 
@@ -19,4 +20,5 @@ def test_what_is_wrong_is_said_once_and_at_its_place(experiment, group, sections
     given = (line.split(": ", 1) for line in sections.replace("\n  ", " ").splitlines())
     with pytest.raises(ConfigError) as caught:
         experiment(**{"group": group} | OTHERS[group] | dict(given))
-    assert " | ".join(f"{each.path}: {each.message}" for each in caught.value.problems) == said
+    problems = " | ".join(f"{each.path}: {each.message}" for each in caught.value.problems)
+    assert says(problems, said)

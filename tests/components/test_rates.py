@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from case_tables import from_yaml, refusal
+from said import mentions
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.signal import butter, lfilter, lfilter_zi
@@ -303,9 +304,8 @@ def test_what_is_exported_is_a_rate_and_a_force(experiment_of):
 def test_what_no_rate_loop_takes_is_refused(experiment_of, changes, said):
     config = QUADROTOR | {"controllers": [BY_RATES]}
     config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]
-    assert said in refusal(
-        EqtError, experiment_of, yaml.safe_dump(config | yaml.safe_load(changes))
-    )
+    text = yaml.safe_dump(config | yaml.safe_load(changes))
+    assert mentions(refusal(EqtError, experiment_of, text), said)
 
 
 def test_a_rate_loop_needs_an_attitude_in_space(noted):

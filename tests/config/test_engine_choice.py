@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from case_tables import from_yaml
+from said import says
 from small_experiment import configuration
 
 from eqt_cli.base.errors import ConfigError, EqtError
@@ -144,7 +145,8 @@ def test_all_points_of_a_sweep_have_one_engine(grids, engine, told):
 def test_a_sweep_of_the_solver_names_its_engines(grid, message):
     with pytest.raises(ConfigError) as caught:
         read(grids=[grid])
-    assert [f"{each.path}: {each.message}" for each in caught.value.problems] == [message]
+    [problem] = caught.value.problems
+    assert says(f"{problem.path}: {problem.message}", message)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,11 @@
-"""What is said of a configuration that is wrong, word by word, and where.
+"""What is said of a configuration that is wrong, and where.
 
 Every case changes sections of the configuration in small_experiment.py, whose sections stand on
 lines of their own; a new section is line 10. Of places, the tables leave out the file.
 """
 
 from case_tables import from_yaml
-from said import sections_of
+from said import says, sections_of
 
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.references import references
@@ -21,7 +21,7 @@ def in_file(said):
 
 @from_yaml
 def test_what_is_said_of_a_line(message, line, said):
-    assert message(**sections_of(line)) == in_file(said)
+    assert says(message(**sections_of(line)), in_file(said))
 
 
 def test_an_unknown_component(message):
@@ -76,7 +76,7 @@ PRODUCT = {
 
 @from_yaml
 def test_a_product_of_groups(message, line, said):
-    assert message(**PRODUCT | sections_of(line)) == in_file(said)
+    assert says(message(**PRODUCT | sections_of(line)), in_file(said))
 
 
 def test_everything_is_reported_in_the_order_of_the_file(message):

@@ -2,6 +2,7 @@
 
 import pytest
 from case_tables import from_yaml
+from said import says
 
 
 def value_at(resolved, path):
@@ -35,7 +36,7 @@ def test_the_last_override_counts(experiment):
 
 @from_yaml
 def test_a_wrong_override(message, override, said):
-    assert message(override) == f"overrides[0]: {said}"
+    assert says(message(override), f"overrides[0]: {said}")
 
 
 def test_all_that_cannot_be_applied_are_reported_together(message):

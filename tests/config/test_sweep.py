@@ -5,6 +5,7 @@ import pytest
 from case_tables import from_yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from said import says
 
 from eqt_cli.base.errors import Problems
 from eqt_cli.config.designs import Choices, DrawnRange, Sweep
@@ -159,7 +160,8 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
 def test_what_is_wrong_is_said_at_its_place(blocks, said):
     problems = Problems()
     assert Sweep.read(blocks, problems) is None
-    assert [f"{each.path}: {each.message}".removeprefix(": ") for each in problems] == [said]
+    [problem] = problems
+    assert says(f"{problem.path}: {problem.message}".removeprefix(": "), said)
 
 
 def test_a_number_of_401_digits_is_shortened():

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from case_tables import from_yaml
 from plugin_sources import component
+from said import says
 
 import eqt_cli
 from eqt_cli.base.errors import ComponentError, ConfigError
@@ -68,8 +69,7 @@ def changes(base, old="", new=""):
 @from_yaml
 def test_a_mistake(message, base, old, new, said):
     text = message(**changes(base, old, new))
-    assert text.startswith("c.yaml:")
-    assert text.partition(": ")[2] == said
+    assert says(text, f"c.yaml:…: {said}")
 
 
 GAIN = """\

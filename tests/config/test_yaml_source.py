@@ -7,7 +7,7 @@ import yaml
 from case_tables import from_yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from said import error_of
+from said import error_of, says
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
@@ -203,7 +203,7 @@ def test_parse_value():
 
 @from_yaml
 def test_message_for_a_value(text, message):
-    assert _set_message(text) == message
+    assert says(_set_message(text), message)
 
 
 # Errors of content ----------------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_message_for_a_value(text, message):
 
 @from_yaml
 def test_message(text, message):
-    assert _message(text) == message
+    assert says(_message(text), message)
 
 
 def test_message_of_many_digits():
@@ -236,7 +236,7 @@ def test_all_problems_are_reported_together():
 
 @from_yaml
 def test_message_of_syntax(text, message):
-    assert _message(text) == message
+    assert says(_message(text), message)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from matplotlib.colors import to_rgb
-from said import error_of
+from said import error_of, says
 
 from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
@@ -116,10 +116,8 @@ def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened, picture
 
 @from_yaml
 def test_a_wrong_colour(so3, opened, colours, message):
-    assert (
-        error_of(Summary(colours=colours).draw, [opened(so3)])
-        == f"{so3}: figure 'summary' {message}"
-    )
+    said = error_of(Summary(colours=colours).draw, [opened(so3)])
+    assert says(said, f"{so3}: figure 'summary' {message}")
 
 
 def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened, picture):

@@ -3,7 +3,7 @@
 import matplotlib
 import pytest
 from case_tables import from_yaml
-from said import error_of
+from said import error_of, says
 
 from eqt_cli.figures import style
 
@@ -64,13 +64,14 @@ def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch
 
 @from_yaml
 def test_a_wrong_line_is_refused(sheet, line, said, caplog):
-    assert refused(sheet("font.size: 9", line)) == f"2: the style sheet is wrong: {said}"
+    said = f"2: the style sheet is wrong: {said}"
+    assert says(refused(sheet("font.size: 9", line)), said)
     assert not caplog.records
 
 
 @from_yaml
 def test_a_sheet_sets_only_what_a_style_may(sheet, line, said):
-    assert refused(sheet(line)) == f"1: the style sheet is wrong: {said}"
+    assert says(refused(sheet(line)), f"1: the style sheet is wrong: {said}")
 
 
 def test_the_sheets_of_matplotlib_are_within_the_bounds():

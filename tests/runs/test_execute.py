@@ -13,7 +13,7 @@ import pytest
 from case_tables import from_yaml, in_ci
 from faults_harness import Losing, assert_equal, assert_same, contents
 from plugin_sources import component
-from said import error_of
+from said import error_of, mentions
 from small_experiment import configuration, study_of
 
 from eqt_cli.base.errors import ConfigError, EqtError
@@ -625,7 +625,7 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
 
 @from_yaml
 def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, message):
-    assert message in error_of(make, f"{CONFIG}sweep:\n  {sweep}", kind=ConfigError)
+    assert mentions(error_of(make, f"{CONFIG}sweep:\n  {sweep}", kind=ConfigError), message)
 
 
 def test_what_is_wrong_on_the_command_line_is_said_there(make):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from case_tables import from_yaml
-from said import error_of
+from said import error_of, says
 
 from eqt_cli import api
 from eqt_cli.api import choose_executor, load_experiment
@@ -253,7 +253,8 @@ def test_what_is_asked_of_an_executor_rules():
 @from_yaml
 def test_what_is_wrong_with_an_executor_is_said(asked, message):
     paper = load_experiment(CONFIGS / "paper.yaml")
-    assert error_of(executor_from, paper, Setup(executor=asked, workers=2)) == message
+    said = error_of(executor_from, paper, Setup(executor=asked, workers=2))
+    assert says(said, message)
 
 
 def test_threads_take_an_item_when_it_can_begin(task):

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from case_tables import from_yaml, in_ci, refusal
 from plain import hat
+from said import mentions
 from scipy.linalg import block_diag, expm
 from scipy.signal import butter
 
@@ -345,7 +346,7 @@ def test_gains_of_the_law_inside_are_numbers_of_one_structure(experiment_of):
 def test_what_is_wrong_is_said_at_its_place(experiment_of, base, changes, said):
     bases = {"attitude": ATTITUDE, "body": ATTITUDE | BODY}
     text = changed(bases[base], **yaml.safe_load(changes))
-    assert said in refusal(ConfigError, experiment_of, text)
+    assert mentions(refusal(ConfigError, experiment_of, text), said)
 
 
 @pytest.mark.parametrize("lag", [0.03, [0.03, 0.04, 0.05]])

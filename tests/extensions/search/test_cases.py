@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import small_experiment
 from case_tables import from_yaml
-from said import error_of
+from said import error_of, mentions
 
 from eqt_cli import api
 from eqt_cli.api.loading import document_from
@@ -158,4 +158,4 @@ def test_cases_in_another_order_are_another_search():
 
 @from_yaml
 def test_what_is_wrong_with_cases_is_said_at_its_place(changed, message):
-    assert message in error_of(read, **changed, kind=ConfigError)
+    assert mentions(error_of(read, **changed, kind=ConfigError), message)

@@ -10,7 +10,7 @@ import pytest
 import small_experiment
 import yaml
 from case_tables import from_yaml
-from said import error_of
+from said import error_of, mentions
 
 from eqt_cli import api
 from eqt_cli.api.loading import document_from
@@ -344,7 +344,7 @@ def test_only_the_numbers_of_generations_and_searches_may_change_between_session
 
 @from_yaml
 def test_what_is_wrong_is_said_at_its_place(changed, message):
-    assert message in error_of(read, **changed, kind=ConfigError)
+    assert mentions(error_of(read, **changed, kind=ConfigError), message)
 
 
 def test_a_configuration_without_the_section_is_told_what_to_add():

@@ -5,6 +5,7 @@ import pytest
 import yaml
 from case_tables import from_yaml, refusal
 from plain import hat
+from said import mentions
 from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
@@ -302,4 +303,4 @@ def test_it_detumbles_in_the_time_of_a_plain_program(solved):
 
 @from_yaml
 def test_what_is_wrong_is_said_at_its_place(experiment_of, changes, said):
-    assert said in refusal(ConfigError, experiment_of, changed(yaml.safe_load(changes)))
+    assert mentions(refusal(ConfigError, experiment_of, changed(yaml.safe_load(changes))), said)
