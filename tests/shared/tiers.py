@@ -24,8 +24,8 @@ import pytest
 
 LIST = Path(__file__).parents[1] / "tiers.tsv"
 
-MOST_OF_ALL = 180.0
-"""s of the processor for all quick tests: two minutes of two cores, less what collecting takes."""
+MOST_OF_ALL = 150.0
+"""s of the processor for all quick tests: a minute and a half of two cores, with what collecting takes."""
 
 MOST = 0.3
 """s for a quick test."""
