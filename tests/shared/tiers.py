@@ -25,7 +25,7 @@ import pytest
 LIST = Path(__file__).parents[1] / "tiers.tsv"
 
 MOST_OF_ALL = 150.0
-"""s of the processor for all quick tests: a minute and a half of two cores, with what collecting takes."""
+"""s of the processor for all quick tests: some 90 s of two cores, with what collecting takes."""
 
 MOST = 0.3
 """s for a quick test."""
