@@ -270,9 +270,10 @@ class Indi(Rejecting):
         vehicle = plant.vehicle
         most = max((x.every for x in vehicle.channels(G) if x.signal == "velocity"), default=0)
         if most > vehicle.control.clock.every:  # with an estimator, too
-            said = f"the velocity is measured every {most * vehicle.tick:g} s, so that most"
-            remedy = f"measure it every {vehicle.control.period:g} s, or set control.period to this"
-            problems.at("gyro").add(f"{said} differences are 0; {remedy}")
+            slow, period = f"{most * vehicle.tick:g} s", f"{vehicle.control.period:g} s"
+            said = f"the velocity is measured every {slow}, so that differences in between are 0"
+            remedy = f"measure it every {period}, or set control.period to {slow}"
+            problems.at("gyro").add(f"{said}; {remedy}")
         elif vehicle.estimator is not None and self.gyro != "estimate":
             said = f"û does not pass the filter of the estimator, {vehicle.estimator.name}"
             problems.at("gyro").add(f"{said}; write gyro: estimate, or remove the estimator")
