@@ -232,7 +232,7 @@ class Law:
             if result is None:
                 raise ValueError(f"{request['function']} returned None")
             torque = eval(request["torque"], self.names | values | {"result": result})  # noqa: S307
-            return real(torque, "the output").reshape(request["returns"])
+            return self.sized(real(torque, "the output"))
         except (PermissionError, MemoryError):
             raise
         except Exception as error:
@@ -240,6 +240,14 @@ class Law:
             return np.full(request["returns"], nan)
         finally:
             self.seconds.append(time.thread_time() - begun)
+
+    def sized(self, torque: Any) -> Any:
+        """Return the output as a vector; raises a `ValueError` with the line of the function."""
+        size, code = self.request["returns"], getattr(self.function, "__code__", None)
+        if torque.size != size:
+            line = f"line {code.co_firstlineno}: " if code and not self.request["call"] else ""
+            raise ValueError(f"{line}expected {size} numbers as output, got shape {torque.shape}")
+        return torque.reshape(size)
 
     @property
     def reason(self) -> str:

@@ -311,7 +311,13 @@ class Sheet:
             else:
                 count = len(_entries(line, self.delimiter))
             if count < width or (count > width and not self.more):
-                raise self._error(number, f"expected {width} entries, got {count}")
+                said = f"expected {width} entries, got {count}"
+                if count > width and self.delimiter == "," and "." not in line:
+                    said += (
+                        "; if commas separate decimals, too, save the table with decimal points, "
+                        "or with semicolons between columns"
+                    )
+                raise self._error(number, said)
 
     def _error(self, number: int, message: str) -> InputError:
         """Return the error of a line."""

@@ -354,6 +354,9 @@ def test_a_line_of_the_file_is_named(python, told):
     assert told(python(("eR = vee(E - E.T) / 2", "eR = vee(E - E.T) / zero"))) == (
         "controllers[0]: compute in lee.py: line 14: NameError: name 'zero' is not defined"
     )
+    assert told(python(("return -kR", "return kR or -kR"))) == (
+        "controllers[0]: compute in lee.py: line 10: expected 3 numbers as output, got shape ()"
+    )
 
 
 def test_no_cplusplus_compiler(cplusplus, told, monkeypatch):
