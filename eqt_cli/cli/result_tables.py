@@ -106,7 +106,8 @@ def _headline(result: Result) -> Text:
         columns.append([significant(x) + mark for x, mark in zip(means, marks, strict=True)])
     settled = "settled" if all("settled" in row for row in result.headline) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
-    notes = [f"{BEST} the best mean"] if len(titles) > 1 else []
+    has_best = any(cell.endswith(BEST) for column in columns[2:] for cell in column)
+    notes = [f"{BEST} the best mean"] if has_best else []
     spare = tuple(head for head in reversed(header) if head.startswith("final"))
     rows = [list(row) for row in zip(*columns, strict=True)]
     return output.laid_out(TextTable("headline", "", header, [Block("", rows)], notes, spare))

@@ -70,7 +70,10 @@ def remarks(
     # Each function takes the experiment and its reference, and yields places and texts.
     for more in functions_for("remarks on an experiment"):
         placed += more(experiment, shown)
-    return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in placed]
+    # A constant of another unit explains what is said of the whole actuator.
+    explained = {key[:-1] for key, _ in placed if key[-1] == "thrust_constant"}
+    shortened = ((key, text) for key, text in placed if key not in explained)
+    return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in shortened]
 
 
 def remark_on(experiment: Experiment, runs: bool = True) -> None:

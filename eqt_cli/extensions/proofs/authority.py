@@ -141,6 +141,8 @@ class Members:
         commands = (self.held + np.concatenate([steps, -steps])) @ np.linalg.pinv(self.wanted).T
         room = NOTHING * (np.abs(low) + np.abs(high))
         thrusts = commands @ inverse.T
+        if (thrusts.mean(axis=0) > high + room).any():  # too weak to hover, which is told
+            return False
         return not ((thrusts >= low - room) & (thrusts <= high + room)).all(axis=1).any()
 
 

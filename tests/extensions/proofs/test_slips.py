@@ -37,6 +37,9 @@ def quad_by(turns: float) -> list[dict[str, Any]]:
 
 
 PLACES = QUAD["actuators"][0]["thrusters"]
+ROTORS: dict[str, Any] = {"thrust_constant": 1e5, "moment_constant": 1.4e-7, "low_speed": 0}
+ROTORS |= {"high_speed": 15, "kind": "thrusters", "thrusters": quad_by(1.0)}
+OF_ANOTHER_UNIT = {**QUAD, "actuators": [ROTORS]}
 FREE = {**CUBE, "controllers": [{"kind": "gt", "known_forces": False}]}
 
 
@@ -51,6 +54,7 @@ def told(config: dict[str, Any]) -> list[str]:
         (changed(QUAD, time_constant=40.0), "actuators[0].time_constant", "'40 ms'"),
         (changed(QUAD, high=HIGH * 1e5), "actuators[0].high", "accelerate"),
         (changed(QUAD, thrusters=quad_by(1.0)), "actuators[0].thrusters", "moment_constant"),
+        (OF_ANOTHER_UNIT, "actuators[0].thrust_constant", "accelerate"),
         (changed(CUBE, momentum=50.0), "actuators[0].momentum", "'50 mN m s'"),
         (changed(CUBE, limit=20.0), "actuators[0].limit", "'20 mN m'"),
         (
@@ -64,8 +68,10 @@ def told(config: dict[str, Any]) -> list[str]:
     ids=lambda x: x if isinstance(x, str) else "",
 )
 def test_a_slip_is_told_at_its_key(config: dict[str, Any], key: str, word: str) -> None:
-    of_key = [text for text in told(config) if text.startswith(f"{key}: ")]
+    said = told(config)
+    of_key = [text for text in said if text.startswith(f"{key}: ")]
     assert len(of_key) == 1 and word in of_key[0]
+    assert not any(text.startswith("actuators[0]: ") for text in said)
 
 
 @pytest.mark.parametrize(
