@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from made_up import Table, write
+from said import says
 
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.files import SEAL
@@ -88,10 +89,7 @@ def test_an_hdf5_file_of_another_program(tmp_path):
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:
         file["group/data"] = 1.0
-    assert refusal(path) == (
-        f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute 'eqt_format'); "
-        "give the results.h5 that eqt wrote"
-    )
+    assert says(refusal(path), f"{path}: is an HDF5 file, but not one…'s (it has no attribute '…")
 
 
 @pytest.mark.parametrize(

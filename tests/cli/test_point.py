@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from said import says
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
@@ -89,9 +90,9 @@ def test_figures_of_single_experiments_ask_for_a_point(refused):
 
 @pytest.mark.usefixtures("grid")
 def test_figures_of_sweeps_take_none(refused):
-    assert refused("plot", "out", "--figure", "sweep", "--point", 1) == (
-        f"eqt: {Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is a single "
-        "experiment; see `eqt sweep --help`\n"
+    assert says(
+        refused("plot", "out", "--figure", "sweep", "--point", 1),
+        f"eqt: {Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is…\n",
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from PIL import Image
-from said import error_of, mentions
+from said import error_of, mentions, says
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_eqts, write_all
@@ -101,10 +101,7 @@ def test_pdf_embeds_fonts_that_can_be_edited(so3, opened, picture):
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     path = tmp_path / "file" / "figures" / "summary.pdf"
-    assert error_of(write_all, {path: b"new"}, tmp_path) == (
-        f"{tmp_path / 'file'}: is a file; expected a folder that eqt wrote, or no such entry; "
-        "rename or remove it"
-    )
+    assert says(error_of(write_all, {path: b"new"}, tmp_path), f"{tmp_path / 'file'}: is a file…")
 
 
 def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_path):

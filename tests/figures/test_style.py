@@ -4,7 +4,7 @@ import matplotlib
 import matplotlib.style
 import pytest
 from ci_cases import mostly_ci
-from said import error_of
+from said import error_of, says
 
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.layout import freeze, one_panel
@@ -179,11 +179,11 @@ def test_fonts_that_are_not_installed_are_passed_over(style):
 
 
 def test_no_font_at_all_is_an_error(style):
-    assert error_of(
-        lambda: style("font.family: Nowhere, serif", "font.serif: Nowhere Serif").settings
-    ) == (
-        "none of the fonts that the style asks for is installed: Nowhere, Nowhere Serif; install "
-        "one, or name another in font.family"
+    assert says(
+        error_of(
+            lambda: style("font.family: Nowhere, serif", "font.serif: Nowhere Serif").settings
+        ),
+        "none of the fonts that the style…: Nowhere, Nowhere Serif…",
     )
 
 

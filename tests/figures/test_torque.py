@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from said import error_of
+from said import error_of, says
 from scipy import stats
 
 from eqt_cli.figures.figure import ShownRuns
@@ -119,9 +119,9 @@ def test_feedback_is_what_the_gains_give(simulate, opened, picture):
 
 def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened):
     path = simulate(controllers=["eqt", "logarithmic"])
-    assert error_of(Torque(share="feedback").draw, [opened(path)]) == (
-        f"{path}: figure 'torque' cannot separate the feedforward of logarithmic: the law does "
-        "not say which of its terms are feedforward; choose others with the option 'controllers'"
+    assert says(
+        error_of(Torque(share="feedback").draw, [opened(path)]),
+        f"{path}: figure 'torque' cannot separate the…: the law does not say which of its terms…",
     )
 
 

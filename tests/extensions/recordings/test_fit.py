@@ -12,6 +12,7 @@ import numpy as np
 import plain_current as plain
 import pytest
 from case_tables import refusal
+from said import says
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -140,9 +141,9 @@ def test_keys_that_cannot_be_fitted(recorded, message):
 
 def test_few_windows_give_no_interval(recorded):
     recorded()
-    assert refusal(EqtError, eqt_cli.fit, model("SO3"), "flight.csv", [INERTIA], horizon=1.0) == (
-        "flight.csv: has 3 windows of 1 s that share no row; intervals need at least 5, so give a "
-        "shorter horizon"
+    assert says(
+        refusal(EqtError, eqt_cli.fit, model("SO3"), "flight.csv", [INERTIA], horizon=1.0),
+        "flight.csv: has 3 windows of 1 s that share no row…",
     )
 
 
@@ -548,9 +549,9 @@ def test_a_sampled_wrench_is_the_same_by_both_engines(recorded, hold):
 def test_a_recorded_wrench_is_not_exported(recorded):
     recorded()
     config = replayed(control={"period": 0.05})
-    assert refusal(EqtError, eqt_cli.export, config, out="exported") == (
-        "replay: the numbers of replay change during the run, but C code has one set of "
-        "numbers; export another law, or lqr for a reference that does not change its loop"
+    assert says(
+        refusal(EqtError, eqt_cli.export, config, out="exported"),
+        "replay: the numbers of replay change during the…",
     )
 
 

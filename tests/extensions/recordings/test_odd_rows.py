@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from case_tables import refusal
 from flights import odometry, pose_stamped, write_bag
+from said import says
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -123,9 +124,9 @@ def test_a_bad_topic_that_nobody_asks_for_is_no_reason():
     for topic, rms in (("/mocap", 0.2), ("/gps", 0.2)):
         found = eqt_cli.log_errors("f.mcap", "wanted.csv", topic=topic)
         assert size(found).rms == pytest.approx(rms, abs=1e-9)
-    assert refusal(InputError, eqt_cli.log_errors, "f.mcap", "wanted.csv", topic="/matcher") == (
-        "f.mcap: /matcher: 100 of 200 rows are odd (100 repeated); leave them out by a mapping, "
-        "`drop: [invalid, repeated, unordered]`, or name another topic"
+    assert says(
+        refusal(InputError, eqt_cli.log_errors, "f.mcap", "wanted.csv", topic="/matcher"),
+        "f.mcap: /matcher: 100 of 200 rows are odd (100 repeated)…",
     )
 
 

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from said import says
 
 from eqt_cli.extensions.report.document import report
 from eqt_cli.results.result import open_result
@@ -62,18 +63,14 @@ def test_a_point_of_a_sweep_is_shown_as_an_experiment(eqt, refused, config, key)
     assert "could not be verified" not in page
     done = eqt("animate", "out", "--point", 3, "--format", "html")
     assert done.out.startswith(f"animation  {folder / 'run0.html'}  (")
-    assert refused("animate", "out", "--format", "html") == (
-        f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments, and this is "
-        "a sweep of 4 points; choose one of 0 to 3 with --point, as `eqt show out --table metrics` "
-        "lists them\n"
+    assert says(
+        refused("animate", "out", "--format", "html"),
+        f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments…\n",
     )
 
 
 def test_a_report_takes_one_result(refused):
-    assert refused("report", "a", "b", "c") == (
-        "eqt: report takes one result; `eqt compare` compares two, and `eqt plot a b c` draws all "
-        "in one figure\n"
-    )
+    assert says(refused("report", "a", "b", "c"), "eqt: report takes one result…\n")
 
 
 @pytest.mark.ci("runs another experiment")
