@@ -15,7 +15,7 @@ from eqt_cli.analysis.intervals import SHARE, runs_without_exception
 from eqt_cli.base.registry import Registry
 from eqt_cli.results.metrics import EARLY
 from eqt_cli.results.quantity import WHOLE, Measure, Window
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, by_parts, covers
 
 # Base classes of claims. Does not know how claims are tested --------------------------------------
 
@@ -196,8 +196,8 @@ def _measures(result: Result, row: Less | AtMost) -> list[Measure]:
         return [measures[row.measure]] if row.measure in measures else []
     return [
         measure
-        for measure in result.by_parts(row.measure)
-        if result.covers(measure, row.window)
+        for measure in by_parts(result, row.measure)
+        if covers(result, measure, row.window)
         and (_is_rotation(result, measure) or not row.rotation_only)
     ]
 

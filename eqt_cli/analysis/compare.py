@@ -16,7 +16,8 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Measure, Window
-from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.result import PerRun, Result, by_parts, covers
+from eqt_cli.results.summary import own_metrics, repeats
 
 _Laws = Mapping[str, tuple[Result, str]]
 """Results of the compared laws, by label, with the label of the law there."""
@@ -134,7 +135,7 @@ def compare(
         gains=gains,
         resolution=max(map(_resolution, both)),
         points=max(1, *(one.out_of for one in both)),
-        identical=all(one.repeats for one in both),
+        identical=all(repeats(one) for one in both),
         bases=bases,
         between=between,
     )
@@ -165,7 +166,7 @@ def _number(laws: _Laws, measure: Measure, window: Window, by_name: bool) -> Per
     for result in both[1:]:
         name = measure.name
         other = result.comparable_named(name) if by_name else result.comparable.get(name)
-        if other is None or not result.covers(other, window) or "lyapunov" in measure.signals:
+        if other is None or not covers(result, other, window) or "lyapunov" in measure.signals:
             return None
         numbers[id(result)] = result.per_run(other, window)
     first, *others = numbers.values()
@@ -177,7 +178,7 @@ def _number(laws: _Laws, measure: Measure, window: Window, by_name: bool) -> Per
     censored = np.stack([number.censored[row, :runs] for number, row in rows])
     shared = min(runs, *(number.runs for number in numbers.values()))
     values[:, shared:] = np.nan
-    if all(result.repeats for result in both):  # all other runs are the same
+    if all(repeats(result) for result in both):  # all other runs are the same
         values, censored, shared = values[:, :1], censored[:, :1], 1
     return replace(first, values=values, censored=censored, runs=shared)
 
@@ -217,7 +218,7 @@ def _chosen(
     for name in names:
         measure = result.comparable_named(name)
         if measure.windowed:
-            over = [w for w in windows or (WHOLE,) if metrics or result.covers(measure, w)]
+            over = [w for w in windows or (WHOLE,) if metrics or covers(result, measure, w)]
         else:
             over = [measure.window]
         chosen += [(measure, window) for window in over]
@@ -232,10 +233,10 @@ def _defaults(result: Result) -> list[tuple[Measure, Window]]:
     early = result.quantity("early_torque").window
     return [
         (quantity, window)
-        for base in (*METRICS, *map(result.quantity, result.own_metrics))
-        for quantity in result.by_parts(base.name)
+        for base in (*METRICS, *map(result.quantity, own_metrics(result)))
+        for quantity in by_parts(result, base.name)
         for window in (early if window == EARLY else window for window in base.compared)
-        if result.covers(quantity, window) and _tells(result, quantity, window)
+        if covers(result, quantity, window) and _tells(result, quantity, window)
     ]
 
 

@@ -25,6 +25,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, reporter, significant, step
 from eqt_cli.results.quantity import Measure, Plain
 from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.summary import compared_first, repeats, settles, unit_in_words
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------
 #
@@ -217,14 +218,14 @@ def compare_map(
         raise EqtError(f"{metric}: is neither better low nor better high, so no law can win")
     censored = result.censored(metric)[:, chosen]
     values = result.counted(metric)[:, chosen]
-    if result.repeats:
+    if repeats(result):
         values = values[..., :1]
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
     means = mean_over_runs(values)
     costs = quantity.cost(means)
     failing, idle = failed / result.runs > 1 - settling + RESOLUTION, np.zeros(failed.shape, bool)
-    if (settles := result.settles) is not None:
-        arrived = settles[:, chosen].mean(axis=-1)
+    if (settled := settles(result)) is not None:
+        arrived = settled[:, chosen].mean(axis=-1)
         idle = (arrived < 1 - settling) & (arrived.max(axis=-1, keepdims=True) >= settling)
     lost = np.where(idle, result.runs, failed)
     # Laws with more failed runs come last: their other runs are a biased sample.
@@ -267,7 +268,7 @@ def compare_map(
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     about, kind = (result.units(metric), labels, titles, result.runs, means, cells), decision[-2:]
-    if result.repeats:
+    if repeats(result):
         kind = decision.fewest, IDENTICAL
     return Map(quantity, *about, *kind, how.confidence, settling)
 
@@ -517,7 +518,7 @@ def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
     blocks = []
     for name in names:
         means = result.means(name).T
-        unit = result.unit_in_words(name).replace("^2", "²")
+        unit = unit_in_words(result, name).replace("^2", "²")
         title = result.quantity(name).described + (f", {unit}" if unit else "")
         blocks.append(Block(title, _ends(result, means, means, significant)))
     if result.has("settled"):
@@ -553,16 +554,16 @@ def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:
     if named and len(result.labels) > 1 and result.points <= MOST_POINTS:
         return [
             map_tables(compare_map(result, name, Resampling()), result, Plain())[1]
-            for name in result.compared_first
+            for name in compared_first(result)
         ]
     further = [part for name in more if result.has(name) for part in result.in_parts(name)]
-    table = extreme_points(result, [*result.compared_first, *further])
+    table = extreme_points(result, [*compared_first(result), *further])
     return [replace(table, notes=[*table.notes, *map(_won, winners(result))])]
 
 
 def winners(result: Result) -> list[Map]:
     """Which law wins where, by each metric, without intervals; nothing where there is one law."""
-    names = result.compared_first if len(result.labels) > 1 else []
+    names = compared_first(result) if len(result.labels) > 1 else []
     return [compare_map(result, name, Resampling(), intervals=False) for name in names]
 
 

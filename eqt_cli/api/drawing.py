@@ -18,7 +18,7 @@ from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import known_group
 from eqt_cli.components.laws import controllers, published
-from eqt_cli.results.result import Result, open_result, point_folder
+from eqt_cli.results.result import Result, open_result, point_folder, rename
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -201,7 +201,7 @@ def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) 
         If none of the results has a law or quantity of some name.
     """
     results = [result for result in shown if isinstance(result, Result)]
-    unknown = [set(result.rename(titles)) for result in results] or [set(titles)]
+    unknown = [set(rename(result, titles)) for result in results] or [set(titles)]
     for name in titles:
         if all(name in names for names in unknown):
             known = [label for result in results for label in result.labels]

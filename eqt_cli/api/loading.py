@@ -17,6 +17,7 @@ from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import InNotebook
 from eqt_cli.results.origin import KnownResult
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import headline
 
 if TYPE_CHECKING:
     import pandas
@@ -402,7 +403,7 @@ class StoredResult(InNotebook, os.PathLike[str]):
 
     def records(self) -> list[dict[str, Any]]:
         """Return the summary of each law; none of a shard whose result is not packed yet."""
-        return self.opened.headline if self.file.exists() else []
+        return headline(self.opened) if self.file.exists() else []
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> StoredResult:

@@ -15,6 +15,7 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex
+from eqt_cli.results.summary import compared_first
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -288,7 +289,7 @@ def _of_whole(
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )
-        first = result.compared_first
+        first = compared_first(result)
         mapped = first[: 2 if first[:1] == ["position_rms"] else 1]  # and the attitude's
         metrics = chosen["metrics"] or mapped
         maps = api.compare_sweep(path, **{**chosen, "metrics": metrics}, share=share, **vars(how))

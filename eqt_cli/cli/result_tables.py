@@ -15,6 +15,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
+from eqt_cli.results import summary
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.results.timing import timing_lines
 
@@ -55,14 +56,15 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     The result is read before anything is printed, so that a damaged file leaves no partial output.
     """
     lines: list[str | Text] = [*heading]
+    rows = summary.headline(result)
     if result.is_sweep:  # no table over all points, since that means little
         from eqt_cli.analysis.maps import sweep_tables
 
         for table in sweep_tables(result):
             lines += [output.laid_out(table), ""]
     else:
-        lines += [_headline(result), "", *_shares(result), *timing_lines(result)]
-    checked = ", ".join(_accuracy(result))
+        lines += [_headline(result, rows), "", *_shares(result, rows), *timing_lines(result)]
+    checked = ", ".join(_accuracy(result, rows))
     if checked:
         lines += [f"checked  {checked}"]
     if result.described.exact:
@@ -78,7 +80,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
     from eqt_cli.analysis.maps import winners
 
     if not result.is_sweep:
-        return {"controllers": result.headline}
+        return {"controllers": summary.headline(result)}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
@@ -89,22 +91,22 @@ def outcome_record(result: Result) -> dict[str, Any]:
     return {"points_won": won}
 
 
-def _headline(result: Result) -> Text:
+def _headline(result: Result, laws: list[dict[str, Any]]) -> Text:
     """Return a line per law: how many runs settle, the means of errors and torque, the best marked.
 
     Parts with units of their own have columns of their own.
     """
     names = list(_shown(result))
-    titles = [result.title_of[row["controller"]] for row in result.headline]
-    columns = [titles, [_ended(row) for row in result.headline]]
+    titles = [result.title_of[row["controller"]] for row in laws]
+    columns = [titles, [_ended(row) for row in laws]]
     for name in names:
-        means = [row.get(name, np.nan) for row in result.headline]
+        means = [row.get(name, np.nan) for row in laws]
         ranked = result.quantity(name).better == "lower" and np.isfinite(means).sum() > 1
         best = np.nanmin(means) if ranked else np.nan
         blank = "  " if ranked else ""
         marks = (f" {BEST}" if x == best else blank for x in means)
         columns.append([significant(x) + mark for x, mark in zip(means, marks, strict=True)])
-    settled = "settled" if all("settled" in row for row in result.headline) else "runs"
+    settled = "settled" if all("settled" in row for row in laws) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
     has_best = any(cell.endswith(BEST) for column in columns[2:] for cell in column)
     notes = [f"{BEST} the best mean"] if has_best else []
@@ -115,10 +117,11 @@ def _headline(result: Result) -> Text:
 
 def _shown(result: Result) -> Iterator[str]:
     """Yield metrics of the user, and the numbers by which laws are compared first, also finally."""
-    for name in dict.fromkeys([*result.own_metrics, *result.compared_first]):
+    headlines = summary.headlines(result)
+    for name in dict.fromkeys([*summary.own_metrics(result), *summary.compared_first(result)]):
         yield name
         final = name.replace("mean", "final").replace("position_rms", "final_position_error")
-        if final != name and final in result.headlines:
+        if final != name and final in headlines:
             yield final
 
 
@@ -131,15 +134,15 @@ def _ended(row: dict[str, Any]) -> str:
 
 def _heading(result: Result, name: str) -> str:
     """``mean attitude error, deg``: in words that need no note."""
-    words, unit = result.quantity(name).plain, result.unit_in_words(name)
+    words, unit = result.quantity(name).plain, summary.unit_in_words(result, name)
     for symbol, plain in IN_WORDS.items():
         words = words.replace(symbol, plain)
     return f"{words}, {unit}" if unit else words
 
 
-def _shares(result: Result) -> Iterator[str]:
+def _shares(result: Result, laws: list[dict[str, Any]]) -> Iterator[str]:
     """Yield rare unsettled runs, time at a limit, and errors by sampling."""
-    rows = [(result.title_of[row["controller"]], row) for row in result.headline]
+    rows = [(result.title_of[row["controller"]], row) for row in laws]
     if all("settled" in row for _, row in rows):
         counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
         yield from _rare(result, {title: counted[title] - row["settled"] for title, row in rows})
@@ -148,12 +151,12 @@ def _shares(result: Result) -> Iterator[str]:
         yield f"time at a limit: {shares}"
         yield from _cut(result)
     known = result.comparable
-    shown = [*result.headlines, *result.in_parts("saturated_share")]
+    shown = [*summary.headlines(result), *result.in_parts("saturated_share")]
     for quantity in (known[name] for name in shown if name in known):
         if quantity.hold(result.described.holds) and len(result.times) > 1:
             number = result.per_run(quantity, quantity.window)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())
-            yield from number.sampling_note(least, result.unit_in_words(quantity.name))
+            yield from number.sampling_note(least, summary.unit_in_words(result, quantity.name))
 
 
 def _cut(result: Result) -> Iterator[str]:
@@ -190,11 +193,11 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
         yield f"`eqt show {result.path.parent} --table unsettled` lists their starts"
 
 
-def _accuracy(result: Result) -> Iterator[str]:
+def _accuracy(result: Result, laws: list[dict[str, Any]]) -> Iterator[str]:
     """Yield how accurate the numbers are: energy balance, error estimates, and cross-check."""
     residuals = {
         result.title_of[row["controller"]]: row["energy_residual"]
-        for row in result.headline
+        for row in laws
         if np.isfinite(row.get("energy_residual", np.nan))
     }
     if residuals:
@@ -239,7 +242,7 @@ def _failures(result: Result) -> Iterator[str]:
     """Yield the number of failed runs by ending, and each message with its first run."""
     failures = result.failures
     total, first = len(failures), failures[:MOST_READ]
-    listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())
+    listed = ", ".join(f"{count} {ending}" for ending, count in summary.endings(result).items())
     yield f"\n{output.count_of(total, 'run')} failed: {listed}"
     places: dict[str, list[str]] = {}
     for where, message in zip(first, result.messages(first), strict=True):
@@ -262,8 +265,10 @@ def print_table(result: Result, name: str, form: str) -> None:
     from eqt_cli.results.dataset import columns
 
     if name == "metrics":  # those in another unit have it in their names
+        numbers = result.comparable.items()
+        rescaled = {name for name, of in numbers if result.units(name) != result.unit_of(of)}
         table = {
-            f"{name} ({result.units(name)})" if result.is_rescaled(name) else name: column
+            f"{name} ({result.units(name)})" if name in rescaled else name: column
             for name, column in columns(result).items()
         }
     else:
@@ -285,20 +290,20 @@ def print_table(result: Result, name: str, form: str) -> None:
 
 def _unsettled(result: Result) -> dict[str, Array]:
     """Return the unsettled runs and their starts, in columns that `initial.file` takes."""
-    settles = result.settles
-    if settles is None:
+    settled = summary.settles(result)
+    if settled is None:
         raise result.error("does not tell which runs settled")
     if result.is_sweep:
         raise EqtError("--table unsettled: a sweep has starts by point; choose one with --point")
-    runs = np.flatnonzero(~settles.all(axis=0))
-    laws = zip(result.labels, settles[:, runs].astype(int), strict=True)
+    runs = np.flatnonzero(~settled.all(axis=0))
+    laws = zip(result.labels, settled[:, runs].astype(int), strict=True)
     poses, velocities = (result.read(f"initial_{of}", run=runs) for of in ("pose", "velocity"))
     size = range(1, poses.shape[-1] + 1)
     names = [f"Q{row}{column}" for row in size for column in size]
     names += [f"V{k}" for k in range(1, velocities.shape[-1] + 1)]
     starts = np.concatenate([poses.reshape(len(runs), len(size) ** 2), velocities], axis=1)
-    settled = {f"settled_{label}": law for label, law in laws}
-    return {"run": runs} | settled | dict(zip(names, starts.T, strict=True))
+    of_laws = {f"settled_{label}": law for label, law in laws}
+    return {"run": runs} | of_laws | dict(zip(names, starts.T, strict=True))
 
 
 def _print_parquet(table: dict[str, Array]) -> None:

@@ -13,6 +13,7 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.cli import options, output
+from eqt_cli.results.summary import compared_first, headline, unit_in_words
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
@@ -232,9 +233,9 @@ def _listed(path: Path) -> dict[str, Any]:
             record["laws"] = ", ".join(result.titles)
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
-            for name in () if result.is_sweep else result.compared_first[:1]:
-                means = ", ".join(significant(row[name]) for row in result.headline)
-                words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
+            for name in () if result.is_sweep else compared_first(result)[:1]:
+                means = ", ".join(significant(row[name]) for row in headline(result))
+                words = f"{result.quantity(name).plain} {means} {unit_in_words(result, name)}"
                 record["headline"] = words.rstrip()
     except EqtError as error:
         record["headline"] = str(error).removeprefix(f"{path}: ")

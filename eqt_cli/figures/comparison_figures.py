@@ -29,6 +29,7 @@ from eqt_cli.figures.shown import MOST_COLOURS, MetricValues, ShownMetrics, Show
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, size_of_type
 from eqt_cli.results.conclusion import side_by_side
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import repeats
 
 # Figure of distributions: metrics of single runs as box plots, which may be censored --------------
 
@@ -167,7 +168,7 @@ class Distributions(OfMetrics):
 
     def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
         """Draw two panels per row in a column, three on a page."""
-        if all(result.runs < 2 or result.repeats for result in metrics.results):
+        if all(result.runs < 2 or repeats(result) for result in metrics.results):
             raise metrics.error("shows how runs differ, and here all runs of a law are alike")
         if self.kind == "ecdf":
             first_laws(metrics, MOST_COLOURS * len(metrics.results))

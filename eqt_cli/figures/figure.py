@@ -37,7 +37,7 @@ from eqt_cli.figures.shown import (
     names,
 )
 from eqt_cli.figures.style import HOUSE, Style, Width, house_style, replaced
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, check_stored
 
 # Trajectories of the runs of one or several results -----------------------------------------------
 
@@ -140,7 +140,7 @@ class ShownRuns(ShownControllers):
             values = self.values(signal, ensemble)
         else:
             values = self.of_run(signal, ensemble, run)
-        turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
+        turns = signal.replace("estimate_error", "pose_error") in self.attitude_errors
         if degrees and turns:
             _, factor = self.results[0].shown_in("", "deg")
             return np.degrees(turn_of_distance(values)) * factor
@@ -148,7 +148,7 @@ class ShownRuns(ShownControllers):
 
     def error_label(self, signal: str, *, degrees: bool) -> str:
         """Return the label of the scale of `errors`."""
-        if signal == "attitude_angle" or (degrees and signal in self.results[0].attitude_errors):
+        if signal == "attitude_angle" or (degrees and signal in self.attitude_errors):
             return in_words("attitude error", self.results[0].shown_in("", "deg")[0])
         label = signal_label(self.results[0], signal)
         return label.replace("rad/s", "deg/s") if degrees and self._turns_at(signal) else label
@@ -156,7 +156,7 @@ class ShownRuns(ShownControllers):
     def _turns_at(self, signal: str) -> bool:
         """Whether a signal is the norm of angular velocities in rad/s."""
         of_pose = signal.replace("velocity_error", "pose_error")
-        turns = of_pose != signal and of_pose in self.results[0].attitude_errors
+        turns = of_pose != signal and of_pose in self.attitude_errors
         return turns and self.unit(signal) == "rad/s"
 
     def solver_error(self, signal: str, *, degrees: bool) -> float:
@@ -172,14 +172,21 @@ class ShownRuns(ShownControllers):
             finite = estimates[np.isfinite(estimates)]
             errors.append(float(np.median(finite) if finite.size else compared or 0.0))
         largest = max(*errors, float(np.finfo(float).eps))
-        if signal == "attitude_angle" or (degrees and signal in self.results[0].attitude_errors):
+        if signal == "attitude_angle" or (degrees and signal in self.attitude_errors):
             return float(np.degrees(turn_of_distance(np.array(largest))))
         largest = np.degrees(largest) if degrees and self._turns_at(signal) else largest
         return largest**2 if signal == "lyapunov" else largest
 
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow."""
+        result, parts = self.results[0], self.results[0].described.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if result.is_over_time(name := f"pose_error{end}")]
+
     def require_attitude(self, *, degrees: bool) -> None:
         """Refuse degrees where there is no attitude error."""
-        if degrees and not self.results[0].attitude_errors:
+        if degrees and not self.attitude_errors:
             group = self.results[0].group_name
             raise self.error(f"finds no attitude error on {group} to show in degrees")
 
@@ -339,7 +346,7 @@ class ShownRuns(ShownControllers):
         return [*loops, *thinned, *super().notes()]
 
     def _check_stored(self, result: Result, signal: str) -> None:
-        result.check_stored(signal, who=f"figure '{self.figure}' needs")
+        check_stored(result, signal, who=f"figure '{self.figure}' needs")
 
 
 # Grid of panels over time: a row for each quantity, and a column for each law ---------------------

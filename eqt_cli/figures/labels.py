@@ -15,6 +15,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import style
 from eqt_cli.figures.style import mathematical, shift
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import part_units
 
 _DESIRED = re.compile(r"\b(\w)_d\b")
 """Symbol of a desired value among words."""
@@ -61,7 +62,7 @@ def in_words(words: str, unit: str) -> str:
 
 def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
     """Return a symbol with its unit; with mixed units of parts, ``‖τ‖ (N m and N)``."""
-    several = result.part_units(name) if unit == "mixed" else []
+    several = part_units(result, name) if unit == "mixed" else []
     units = " and ".join(f"${_upright(each)}$" for each in several)
     return f"{quantity(symbol, '')} ({units})" if several else quantity(symbol, unit)
 
@@ -77,11 +78,9 @@ def signal_label(result: Result, signal: str) -> str:
 
 def metric_label(result: Result, metric: str, characters: int) -> str:
     """Return the name of a metric with its unit, in lines of at most `characters`."""
-    if result.has(metric):
-        of, unit = result.quantity(metric), result.units(metric)
-    else:  # computed from stored signals
-        of = result.comparable_named(metric)
-        unit = result.unit_of(of)
+    unit = result.units(metric)
+    # Else it is computed from stored signals.
+    of = result.quantity(metric) if result.has(metric) else result.comparable_named(metric)
     words = result.custom_names.get(metric, "")
     if "{}" in of.label and not words:
         return of.label.replace("{}", _labelled(result, metric, of.symbol.latex, unit))

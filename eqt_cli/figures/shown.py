@@ -20,7 +20,8 @@ from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import RANKED
 from eqt_cli.results.quantity import SweptKey
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, check_stored
+from eqt_cli.results.summary import check_metrics, compared_first
 
 # The controllers of single experiments that a figure shows, and why some runs are left out --------
 
@@ -380,7 +381,7 @@ class ShownMetrics(ShownControllers):
         super().__init__(results, figure, chosen)
         besides = [row.name for row in RANKED if row.role != "error"]
         parts = [part for name in besides for part in results[0].in_parts(name)]
-        wanted = dict.fromkeys([*results[0].compared_first, *parts])
+        wanted = dict.fromkeys([*compared_first(results[0]), *parts])
         held = [name for name in wanted if all(name in result.metrics for result in results)]
         without = [name for name in held if not any(_sample(name, e).seen.size for e in self.shown)]
         self.metrics = list(dict.fromkeys(metrics)) or [n for n in held if n not in without] or held
@@ -391,7 +392,7 @@ class ShownMetrics(ShownControllers):
             raise self.error(f"{message}; choose others with the option 'metrics'")
         for result in results:
             unknown = [name for name in self.metrics if name not in result.comparable]
-            result.check_metrics(unknown, who=f"figure '{figure}'")
+            check_metrics(result, unknown, who=f"figure '{figure}'")
 
     @cached_property
     def samples(self) -> dict[tuple[str, str], MetricValues]:
@@ -520,14 +521,14 @@ class ShownSweep:
     @property
     def error_metric(self) -> str:
         """The name of the error by which laws are compared first."""
-        return next(iter(self.results.compared_first), "mean_pose_error")
+        return next(iter(compared_first(self.results)), "mean_pose_error")
 
     def metric(self, name: str) -> Array:
         """Return a metric of every run, ``(points, shown controllers, runs)``; NaN where it failed.
 
         Values beyond the horizon count as the horizon.
         """
-        self.results.check_metrics([name], who=f"figure '{self.figure}'")
+        check_metrics(self.results, [name], who=f"figure '{self.figure}'")
         self._shown.append(name)
         return self.results.counted(name)[:, self.controllers]
 
@@ -578,7 +579,7 @@ class ShownSweep:
         horizon = self.results.horizon
         if horizon is not None and by > horizon:
             raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
-        self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
+        check_metrics(self.results, ["settling_time"], who=f"figure '{self.figure}'")
         self._shares = True
         times = self.results.metric("settling_time")[:, self.controllers]
         return times <= (by or np.inf)  # False for NaN: not settled
@@ -655,7 +656,7 @@ class ShownReference:
             source.single(f"figure '{figure}' shows single experiments")
             positions([source], figure, chosen.controllers)
             desired = ("desired_pose", "desired_velocity", "desired_torque")
-            source.check_stored(*desired, who=f"figure '{figure}' needs")
+            check_stored(source, *desired, who=f"figure '{figure}' needs")
             group = known_group(source.group_name)
             if group is None:
                 message = f"does not know group '{source.group_name}' of a plugin"

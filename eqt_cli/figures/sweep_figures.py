@@ -43,6 +43,8 @@ from eqt_cli.figures.layout import (
 from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.quantity import SweptKey
+from eqt_cli.results.result import laws_at
+from eqt_cli.results.summary import check_metrics
 
 # Figure of a sweep: one metric over one key as curves, over two as a map per law ------------------
 
@@ -86,7 +88,7 @@ class SweepFigure(OfOneMetric):
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw means over the runs: one panel of curves, or a map per law."""
         name = self.metric_of(swept)
-        swept.results.check_metrics([name], who=f"figure '{self.name}'")
+        check_metrics(swept.results, [name], who=f"figure '{self.name}'")
         if name == "settled":
             return Settled().compose(swept, width)
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
@@ -120,7 +122,7 @@ class SweepFigure(OfOneMetric):
             image = cells.draw(panel, means[:, index], norm=norm, cmap=colours_of(better))
             cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
-            named = swept.results.laws(swept.controllers[index])
+            named = laws_at(swept.results, swept.controllers[index])
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)
             cells.write(panel, shown, image, room)
@@ -160,7 +162,7 @@ def _draw_curves(
             panel.vlines(across, *band, label=title, color=look.colour, linewidth=0.8)
         style |= {"marker": look.marker, "markersize": 4.5, "markerfacecolor": "none"}
         lines += panel.plot(across, means[order, k], label=title, **style)  # hollow: all are seen
-        for point, law in swept.results.laws(swept.controllers[k]).items():
+        for point, law in laws_at(swept.results, swept.controllers[k]).items():
             _name(panel, axis.values[point], means[point, k], law)
     scale_along(panel, swept.results, axis, WIDTHS[width])
     panel.set_ylabel(label)
@@ -257,7 +259,7 @@ class Winners(OfDifferences):
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw one map; laws have the colours of all other figures."""
         axes = swept.one_or_two()
-        swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
+        check_metrics(swept.results, [self.metric_of(swept)], who=f"figure '{self.name}'")
         resampling = replace(RESAMPLING, confidence=self.confidence)
         wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
         points = len(wins.cells)

@@ -99,7 +99,7 @@ class Summary(Panelled, OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw two by two panels, or a row per norm and a column per part."""
         runs.require_attitude(degrees=bool(self.degrees))
-        degrees = bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
+        degrees = bool(runs.attitude_errors) if self.degrees is None else self.degrees
         norms = self.picked((*NORMS, _FUNCTION))
         if len(runs.shown) > MOST_COLOURS and not self.printed:
             degrees = degrees and norms[0] == NORMS[0]

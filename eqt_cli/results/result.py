@@ -17,7 +17,7 @@ from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.stored import CASE, LAW, MIXED, POINT, Attribute, Status, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
+from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
 from eqt_cli.results.quantity import (
     WHOLE,
@@ -189,13 +189,6 @@ class Result(KnownResult):
         """Indices (point,) controller and run of the failed runs, one per row."""
         return np.argwhere(self.status)
 
-    @property
-    def endings(self) -> dict[str, int]:
-        """Number of failed runs by kind of failure, the most frequent first."""
-        codes, counts = np.unique(self.status[self.status != 0], return_counts=True)
-        order = np.argsort(-counts, kind="stable")
-        return {meaning_of(int(codes[i])): int(counts[i]) for i in order}
-
     def messages(self, where: Array) -> list[str]:
         """Return the messages of failed runs, given rows of `failures`."""
         # Reading all messages of a million runs takes seconds, so only these rows are read.
@@ -215,32 +208,10 @@ class Result(KnownResult):
         keys: list[SweptKey] = []
         for name in self.coordinates:
             if name != POINT and self.dims(name) == (POINT,):
-                key = self.swept_key(name)
+                key = swept_key(self, name)
                 if max(key.levels) > 0 and key.levels not in [other.levels for other in keys]:
                     keys.append(key)
         return keys
-
-    def swept_key(self, name: str) -> SweptKey:
-        """Return a swept key by the name of its coordinate."""
-        about, values = self.attributes_of(name), self.coordinate(name)
-        label, unit = (printable(str(about.get(text, ""))) for text in ("label", "unit_of_key"))
-        key = partial(
-            SweptKey, self.long_name(name).removesuffix(", swept"), label=label, unit_of_key=unit
-        )
-        if values.dtype != object:
-            return key(values.astype(float), {}, about.get("scale") == "log")
-        written = [printable(str(value)) for value in values]
-        numbers = [number for text in written if (number := with_unit(text)) is not None]
-        units = {unit for _, unit in numbers}
-        if len(numbers) == len(written) and len(units) == 1:
-            return key(np.array([value for value, _ in numbers]), {}, unit=units.pop())
-        constants = [value for text in written if (value := constant_of(text)) is not None]
-        if len(constants) == len(written):
-            return key(np.array([value for value, _ in constants]), dict(constants))
-        order: dict[str, float] = {}  # in the order of the points
-        places = [order.setdefault(text, float(len(order))) for text in written]
-        texts = {place: text for text, place in order.items()}
-        return key(np.array(places), texts, is_number=False)
 
     def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """Return a point of a sweep as the result of a single experiment with its name.
@@ -270,27 +241,6 @@ class Result(KnownResult):
             swept.at(point) if key == CASE else f"{key} {swept.at(point)}" for key, swept in pairs
         )
 
-    def laws(self, controller: int) -> dict[int, str]:
-        """Return the titles of the registered laws that a controller equals, by point.
-
-        Empty if the sweep does not vary the controllers' options.
-        """
-        if not self.has(LAW):
-            return {}
-        names = self.read(LAW, controller=controller)
-        return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
-
-    @property
-    def repeats(self) -> bool:
-        """Whether all runs of every law are the first one again, up to rounding."""
-        if self.runs < 2 or not self.has("initial_pose"):
-            return False
-        if self.is_sweep:
-            return all(self.at(point).repeats for point in range(self.points))
-        names = filter(self.has, ("initial_pose", "initial_velocity", *self.metrics))
-        of_runs = (np.moveaxis(self.read(name), self.dims(name).index("run"), 0) for name in names)
-        return all(np.allclose(x, x[:1], rtol=ROUNDING, equal_nan=True) for x in of_runs)
-
     @property
     def run_dimension(self) -> str:
         """Dimension of the runs with trajectories: ``run`` or ``stored_run``."""
@@ -306,23 +256,6 @@ class Result(KnownResult):
     def is_over_time(self, name: str) -> bool:
         """Whether the file holds this variable over time."""
         return self.has(name) and "time" in self.dims(name)
-
-    def check_stored(self, *signals: str, who: str) -> None:
-        """Check that signals are stored over time.
-
-        Parameters
-        ----------
-        who
-            Name of the caller with the verb: ``figure 'paper' needs``.
-
-        Raises
-        ------
-        EqtError
-            If the file lacks a signal; the message says how to store it.
-        """
-        for name in signals:
-            if not self.is_over_time(name):
-                raise self.error(f"{who} {lacks([name])}")
 
     def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
         """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -341,21 +274,7 @@ class Result(KnownResult):
 
     def trajectory(self, signal: str, run: int) -> Array:
         """Return a signal of one run of every controller, ``(controllers, samples, …)``."""
-        return self.read(signal, **{self.run_dimension: self.stored_place(run)})
-
-    def stored_place(self, run: int) -> int:
-        """Return the index of a run among those with trajectories.
-
-        Raises
-        ------
-        EqtError
-            If the trajectory of that run is not stored.
-        """
-        stored = self.stored_runs.tolist()
-        if run not in stored:
-            has = f"; stored are runs {stored[0]} to {stored[-1]}" if stored else ""
-            raise self.error(f"the trajectory of run {run} is not stored{has}")
-        return int(stored.index(run))
+        return self.read(signal, **{self.run_dimension: stored_place(self, run)})
 
     def parts(self, norm: str) -> list[str]:
         """Return the parts of a norm that are stored separately, such as ``rotation``."""
@@ -364,13 +283,6 @@ class Result(KnownResult):
             for name in self.names
             if name.startswith(f"{norm}_") and self.is_over_time(name)
         ]
-
-    @cached_property
-    def attitude_errors(self) -> list[str]:
-        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow."""
-        parts = self.described.parts
-        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
-        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
 
     def in_units(self, texts: Sequence[str]) -> "Result":
         """Return this result with its numbers and signals in other units.
@@ -396,7 +308,7 @@ class Result(KnownResult):
         from eqt_cli.base.units import in_wished, offered, size_of
 
         known = {name: super(Result, self).units(name) for name in self.names}
-        known |= {name: self._unit_of(quantity) for name, quantity in self.comparable.items()}
+        known |= {name: self.unit_of(quantity) for name, quantity in self.comparable.items()}
         for name, wish in view._wished:
             if size_of(wish) is None:
                 raise EqtError(f"unit '{wish}': unknown; write for example mN m, deg/s or arcsec")
@@ -423,7 +335,7 @@ class Result(KnownResult):
     def units(self, name: str) -> str:
         """Return the unit of a variable or of a computed number, or that in which it is shown."""
         if not self.has(name) and name in self.comparable:
-            return self.unit_of(self.comparable[name])
+            return self.shown_in(name, self.unit_of(self.comparable[name]))[0]
         unit = super().units(name)
         return unit if name in self.coordinates else self.shown_in(name, unit)[0]
 
@@ -437,22 +349,13 @@ class Result(KnownResult):
         factors = [self.shown_in(name, unit)[1] for unit in units]
         return np.array(factors) if len(factors) > 1 else factors[0]
 
-    def _unit_of(self, quantity: Measure) -> str:
+    def unit_of(self, quantity: Measure) -> str:
         """Return the unit in which a number per run is computed or stored."""
-        for name in (quantity.name, *(like.name for like in self._metrics_like(quantity))):
+        for name in (quantity.name, *(like.name for like in _metrics_like(self, quantity))):
             if self.has(name):
                 return super().units(name)
         signal = quantity.signals[0] if quantity.signals else ""
         return quantity.unit(super().units(signal) if self.has(signal) else "")
-
-    def unit_of(self, quantity: Measure) -> str:
-        """Return the unit in which a number per run is shown."""
-        return self.shown_in(quantity.name, self._unit_of(quantity))[0]
-
-    def is_rescaled(self, name: str) -> bool:
-        """Whether a number per run is shown in another unit than the one it is computed in."""
-        quantity = self.comparable.get(name)
-        return quantity is not None and self.unit_of(quantity) != self._unit_of(quantity)
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -478,7 +381,7 @@ class Result(KnownResult):
             If there is no number of that name.
         """
         if name in self.metrics:
-            values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
+            values = np.where(self.good, _number(self, name), np.nan) * self.factor(name)
         elif self.is_sweep:
             values = np.stack([self.at(point).metric(name) for point in range(self.points)])
         else:
@@ -486,12 +389,6 @@ class Result(KnownResult):
             numbers = self.per_run(quantity, quantity.window)
             values = np.where(numbers.censored, np.nan, numbers.values)
         return values if controller is None else values[..., controller, :]
-
-    def _number(self, name: str) -> Array:
-        """Return one of `metrics` of every run."""
-        if self.has(name):
-            return self[name].astype(float)
-        return np.isfinite(self[self.quantity(name).implied_by]).astype(float)
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Whether the number of each good run lies beyond the horizon, in the shape of `metric`."""
@@ -508,16 +405,6 @@ class Result(KnownResult):
         end = np.nan if self.horizon is None else self.horizon * self.factor(name)
         return np.where(self.censored(name), end, self.metric(name))
 
-    @property
-    def settles(self) -> Array | None:
-        """Whether each good run ends within the settling threshold, ``(controllers, runs)``.
-
-        A sweep has a leading axis of points. None if the result does not store this.
-        """
-        if "settled" not in self.metrics:
-            return None
-        return self.metric("settled") > 0  # NaN (a failed run) is not settled
-
     def means(self, name: str) -> Array:
         """Return the mean of a number over all runs, ``(controllers,)``; a sweep adds points.
 
@@ -525,199 +412,28 @@ class Result(KnownResult):
         """
         return np.mean(self.counted(name), axis=-1)
 
-    def check_metrics(self, names: Sequence[str], who: str) -> None:
-        """Check that numbers per run of these names exist.
-
-        Parameters
-        ----------
-        who
-            Name of the caller for the message: ``figure 'pareto'``.
-
-        Raises
-        ------
-        EqtError
-            With the existing names.
-        """
-        known = self.metrics
-        for name in names:
-            if name not in known:
-                hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
-                raise self.error(f"{who} finds no metric '{name}'{hint}")
-
     def quantity(self, name: str) -> Measure:
         """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
-            return self._of_part(quantity_of(name))
-        return self._of_part(quantity_of(name, self.long_name(name), self.attributes_of(name)))
-
-    def _of_part(self, quantity: Measure) -> Measure:
-        """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
-        of = quantity.signals[0] if quantity.signals else ""
-        norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
-        parts = self.described.parts if norm else []
-        part = next((each for each in parts if of == f"{norm}_{each.name}"), None)
-        vectors = [each for each in parts if not each.turns]
-        initials = {each.name[0] for each in vectors}
-        if part is None or len(parts) != 1 + len(vectors) or len(initials) < len(vectors):
-            return quantity
-        if not vectors or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
-            return quantity
-        turning, only, one_of_several = _OF_MOTIONS[norm]
-        vector = only
-        if len(vectors) > 1:
-            vector = Symbol(*(text.replace("%s", part.name[0]) for text in one_of_several))
-        label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
-        return replace(quantity, symbol=turning if part.turns else vector, label=label)
-
-    def rename(self, names: Mapping[str, str]) -> list[str]:
-        """Call laws and quantities otherwise, in figures and tables; those that are not here.
-
-        Parameters
-        ----------
-        names
-            By a law's label or title, or by the name of a quantity.
-        """
-        titles = {self.label_of(name): printable(title) for name, title in names.items()}
-        self.custom_names = titles
-        vars(self).pop("title_of", None)
-        return [
-            name
-            for name, called in zip(names, titles, strict=True)
-            if not (called in self.labels or self.has(called) or called in self.comparable)
-        ]
-
-    def part_units(self, name: str) -> list[str]:
-        """Return the different units of the parts of a norm, as ``["N m", "N"]``.
-
-        Empty if all parts have the same unit.
-        """
-        quantity = self.quantity(name)
-        signal = signal_of(quantity.signals[0] if quantity.signals else name)
-        parts = self.described.parts
-        if signal is None or len(parts) < 2:
-            return []
-        units = [signal.unit_in(part) for part in parts]
-        # A metric derives its unit from its signal's.
-        of = [unit if self.is_over_time(name) else quantity.unit(unit) for unit in units]
-        return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
+            return _of_part(self, quantity_of(name))
+        return _of_part(self, quantity_of(name, self.long_name(name), self.attributes_of(name)))
 
     @cached_property
     def comparable(self) -> dict[str, Measure]:
         """All numbers per run that the result holds or that can be computed from it, by name."""
         quantities: dict[str, Measure] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
-            if self._has_signals(quantity) or self._metrics_like(quantity):
+            if _has_signals(self, quantity) or _metrics_like(self, quantity):
                 quantities[quantity.name] = quantity
-            for part in self._parts_of(quantity):
-                quantities[f"{quantity.name}_{part}"] = self._of_part(quantity.part(part))
+            for part in _parts_of(self, quantity):
+                quantities[f"{quantity.name}_{part}"] = _of_part(self, quantity.part(part))
         for name in self.metrics:
             quantities.setdefault(name, self.quantity(name))
         return quantities
 
-    @cached_property
-    def own_metrics(self) -> list[str]:
-        """The stored numbers by formulas of the user's own."""
-        return [name for name in self.metrics if self.quantity(name).is_own]
-
-    @cached_property
-    def headlines(self) -> list[str]:
-        """The names of the numbers of a summary that all runs have, those of parts if units differ.
-
-        The torque is of the first seconds, as in the paper, if its laws fly the paper's loop;
-        else it is the mean and the largest one. Settling is there where a rate decides on it.
-        """
-        without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
-        if self.has("final_attitude_error"):
-            without.add("final_pose_error")
-        if self.has("final_pointing_error"):
-            without |= {"mean_pose_error", "final_pose_error"}
-        settling = self.attributes_of("settling_time") if self.has("settling_time") else {}
-        if "threshold_rate" not in settling:
-            without.add("settling_time")
-        listed = (*self.own_metrics, *(name for name in SUMMARY if name not in without))
-        names = [part for name in listed for part in self.in_parts(name)]
-        return [name for name in names if name in self.metrics]
-
-    @cached_property
-    def compared_first(self) -> list[str]:
-        """The stored numbers by which laws are compared first: errors and torque, by parts.
-
-        Errors are ‖p − p_d‖ and the angle of the attitude; ‖I − Q_E‖ of what has neither.
-        """
-        errors = [row.name for row in RANKED if row.role == "error" and self.has(row.name)]
-        parts = self.described.parts if len(self.described.parts) > 1 else []
-        if "position_rms" not in errors and (parts or not errors):
-            turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]
-            errors += [name for name in self.in_parts("mean_pose_error") if name not in turns]
-        torque = "early_torque" if self._flies_papers_loop else "mean_torque"
-        own_metrics = [x for x in self.own_metrics if self.quantity(x).better != "neither"]
-        names = (*errors, *self.in_parts(torque), *own_metrics)
-        return [name for name in names if name in self.metrics]
-
-    @property
-    def _flies_papers_loop(self) -> bool:
-        return {"eqt", "gt"} <= set(self.kinds.values()) and not self.described.departures
-
-    @cached_property
-    def headline(self) -> list[dict[str, Any]]:
-        """The summary of every controller: `headlines` over its good runs.
-
-        ``controller``, ``runs``, ``failed`` and of these ``by_rounding``, and the numbers by name,
-        or those of their parts if the units differ; NaN if no run is good. Also the number of
-        ``settled`` runs and the mean ``saturated_share``, if the result has them.
-        """
-        summary: list[dict[str, Any]] = []
-        for c, label in enumerate(self.labels):
-            good = self.good[..., c, :]
-            row: dict[str, Any] = {"controller": label, "runs": good.size}
-            row["failed"] = self.failed[label]
-            row["by_rounding"] = int(np.count_nonzero(self.status[..., c, :] == Status.BY_ROUNDING))
-            for name in self.headlines:
-                values = self.metric(name, c)[good]
-                of = np.max if name == "energy_residual" else np.mean
-                row[name] = float(of(values)) if values.size else math.nan
-            if self.has("settling_time"):
-                times = self.metric("settling_time", c)[good]
-                row["settled"] = int(np.count_nonzero(np.isfinite(times)))
-            if self.has("saturated_share"):
-                shares = self.metric("saturated_share", c)[good]
-                row["saturated_share"] = float(np.mean(shares)) if shares.size else math.nan
-            summary.append(row)
-        return summary
-
-    def by_parts(self, name: str) -> list[Measure]:
-        """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
-        known = self.comparable
-        if name not in known:
-            return [known[at] for at in known if at.startswith(f"{name}_")]
-        parts = self._parts_of(known[name])
-        return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
-
-    def _parts_of(self, quantity: Measure) -> list[str]:
-        """Return the parts for which a number per run is stored or can be computed."""
-        over_time = self.parts(quantity.signals[0]) if quantity.parted else []
-        stored = [
-            part.removeprefix(f"{like.name}_")
-            for like in self._metrics_like(quantity)
-            for part in self.in_parts(like.name)
-            if part != like.name
-        ]
-        return list(dict.fromkeys([*over_time, *stored]))
-
-    def unit_in_words(self, name: str) -> str:
-        """Return the unit of a number; "" for a pure one, ``N m and N`` for several parts."""
-        unit = self.units(name)
-        if unit == "mixed" and (parts := self.part_units(name)):
-            return " and ".join(parts)
-        return "" if unit == "1" else unit
-
     def in_parts(self, name: str) -> list[str]:
         """Return the stored numbers of the parts if their units differ, else the number."""
         return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]
-
-    def covers(self, quantity: Measure, window: Window) -> bool:
-        """Whether a number per run is known over this window."""
-        return self._stored_as(quantity, window) is not None or self._has_signals(quantity)
 
     def per_run(self, quantity: Measure, window: Window = WHOLE) -> PerRun:
         """Return a number of every run over a window, as stored or computed from trajectories.
@@ -727,11 +443,11 @@ class Result(KnownResult):
         EqtError
             If the result lacks the data.
         """
-        window, unit = window.within(self.times), self._unit_of(quantity)
-        stored, runs = self._stored_as(quantity, window), np.arange(self.runs)
+        window, unit = window.within(self.times), self.unit_of(quantity)
+        stored, runs = _stored_as(self, quantity, window), np.arange(self.runs)
         if stored is not None:
-            columns = self._number(stored)
-        elif self._has_signals(quantity):
+            columns = _number(self, stored)
+        elif _has_signals(self, quantity):
             runs, over = self.stored_runs, SampledRuns(self.times, self.described.holds)
             columns = np.empty((len(self.labels), len(runs)))
             for c in range(len(self.labels)):
@@ -739,7 +455,7 @@ class Result(KnownResult):
                 with np.errstate(all="ignore"):  # failed runs hold NaN
                     columns[c] = quantity.measure(over, signals, window)
         else:
-            raise self._not_stored(quantity, window)
+            raise _not_stored(self, quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)
         values[:, runs] = columns
         values[~self.good] = np.nan
@@ -749,65 +465,13 @@ class Result(KnownResult):
         values[censored] = window.stop
         unit, factor = self.shown_in(quantity.name, unit)
         of_all = self.described.decimate if stored is not None else 1
-        error, missed = self._sampling(quantity, window, of_all)
+        error, missed = _sampling(self, quantity, window, of_all)
         sampling = (error * factor, missed)
         return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
 
-    def _sampling(self, quantity: Measure, window: Window, of_all: int) -> tuple[float, int]:
-        """Return the error of an integral over samples, and how many changes they miss.
-
-        The error is the change where every other sample is left out, in the mean over
-        `FOR_SAMPLING` stored runs of the law for which it is largest; of smooth values a third of
-        it (Richardson). 0 where a held value changes at samples only; NaN of what is no integral,
-        or without trajectories. Of `of_all` samples of a run one is stored.
-        """
-        of, signals = getattr(quantity.of, "func", quantity.of), quantity.signals
-        if of not in INTEGRALS or not all(map(self.is_over_time, signals)):
-            return math.nan, 0
-        hold, odd = quantity.hold(self.described.holds), (len(self.times) - 1) // 2 * 2 + 1
-        if self.times[odd - 1] - self.times[0] <= window.start:  # too few to leave some out
-            return math.nan, 0
-        times = np.linspace(self.times[0], self.times[-1], (len(self.times) - 1) * of_all + 1)
-        missed = int(changes_missed(times, hold).max()) if hold else 0
-        if hold and not missed:
-            return 0.0, 0
-        some = {self.run_dimension: slice(min(FOR_SAMPLING, len(self.stored_runs)))}
-
-        def values(step: int) -> Array:
-            read = {name: np.concatenate(self.read(name, **some)) for name in quantity.signals}
-            signals = {name: values[:, :odd:step] for name, values in read.items()}
-            over = SampledRuns(self.times[:odd:step], self.described.holds)
-            with np.errstate(invalid="ignore"):  # NaN of too few samples, or of infinite ones
-                return np.asarray(quantity.measure(over, signals, window))
-
-        changes = np.abs(values(1) - values(2)).reshape(len(self.labels), -1)
-        error = mean_over_runs(changes) / (1 if hold else 3)
-        known = np.isfinite(error)
-        return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
-
     @cached_property
-    def _stored_metrics(self) -> list[Measure]:
+    def stored_metrics(self) -> list[Measure]:
         return [self.quantity(name) for name in self.metrics]
-
-    def _metrics_like(self, quantity: Measure) -> list[Measure]:
-        """Return the stored metrics that are this number over any window."""
-        return [
-            metric
-            for metric in self._stored_metrics
-            if metric.name == quantity.name
-            or (metric.of and (metric.of, metric.signals) == (quantity.of, quantity.signals))
-        ]
-
-    def _stored_as(self, quantity: Measure, window: Window) -> str | None:
-        """Return the stored metric that is this number over this window."""
-        window = window.within(self.times)
-        same = (q for q in self._metrics_like(quantity) if q.window.within(self.times) == window)
-        return next((other.name for other in same), None)
-
-    def _has_signals(self, quantity: Measure) -> bool:
-        """Whether a quantity can be computed from stored signals."""
-        stored = quantity.windowed and all(map(self.is_over_time, quantity.signals))
-        return stored and len(self.times) > 1
 
     def comparable_named(self, name: str) -> Measure:
         """Return a number per run by name.
@@ -821,19 +485,214 @@ class Result(KnownResult):
             return self.comparable[name]
         known = QUANTITIES.get(name)
         if known is not None and known.per is ValuePer.RUN and known.of is not None:
-            raise self._not_stored(known)
+            raise _not_stored(self, known)
         hint = suggestion(name, self.comparable)
         raise EqtError(
             f"unknown metric '{name}'{hint}"
             f"{'' if hint else ';'} known here: {', '.join(self.comparable)}"
         )
 
-    def _not_stored(self, quantity: Measure, window: Window | None = None) -> EqtError:
-        name = quantity.name
-        if not quantity.windowed:
-            return self.error(f"holds no metric '{name}' over a window; it is one of whole runs")
-        what = name if window is None else f"{name} over {window} s"
-        return self.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
+
+def by_parts(result: Result, name: str) -> list[Measure]:
+    """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
+    known = result.comparable
+    if name not in known:
+        return [known[at] for at in known if at.startswith(f"{name}_")]
+    parts = _parts_of(result, known[name])
+    return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
+
+
+def covers(result: Result, quantity: Measure, window: Window) -> bool:
+    """Whether a number per run is known over this window."""
+    return _stored_as(result, quantity, window) is not None or _has_signals(result, quantity)
+
+
+def _parts_of(result: Result, quantity: Measure) -> list[str]:
+    """Return the parts for which a number per run is stored or can be computed."""
+    over_time = result.parts(quantity.signals[0]) if quantity.parted else []
+    stored = [
+        part.removeprefix(f"{like.name}_")
+        for like in _metrics_like(result, quantity)
+        for part in result.in_parts(like.name)
+        if part != like.name
+    ]
+    return list(dict.fromkeys([*over_time, *stored]))
+
+
+def _sampling(result: Result, quantity: Measure, window: Window, of_all: int) -> tuple[float, int]:
+    """Return the error of an integral over samples, and how many changes they miss.
+
+    The error is the change where every other sample is left out, in the mean over
+    `FOR_SAMPLING` stored runs of the law for which it is largest; of smooth values a third of
+    it (Richardson). 0 where a held value changes at samples only; NaN of what is no integral,
+    or without trajectories. Of `of_all` samples of a run one is stored.
+    """
+    of, signals = getattr(quantity.of, "func", quantity.of), quantity.signals
+    if of not in INTEGRALS or not all(map(result.is_over_time, signals)):
+        return math.nan, 0
+    hold, odd = quantity.hold(result.described.holds), (len(result.times) - 1) // 2 * 2 + 1
+    if result.times[odd - 1] - result.times[0] <= window.start:  # too few to leave some out
+        return math.nan, 0
+    times = np.linspace(result.times[0], result.times[-1], (len(result.times) - 1) * of_all + 1)
+    missed = int(changes_missed(times, hold).max()) if hold else 0
+    if hold and not missed:
+        return 0.0, 0
+    some = {result.run_dimension: slice(min(FOR_SAMPLING, len(result.stored_runs)))}
+
+    def values(step: int) -> Array:
+        read = {name: np.concatenate(result.read(name, **some)) for name in quantity.signals}
+        signals = {name: values[:, :odd:step] for name, values in read.items()}
+        over = SampledRuns(result.times[:odd:step], result.described.holds)
+        with np.errstate(invalid="ignore"):  # NaN of too few samples, or of infinite ones
+            return np.asarray(quantity.measure(over, signals, window))
+
+    changes = np.abs(values(1) - values(2)).reshape(len(result.labels), -1)
+    error = mean_over_runs(changes) / (1 if hold else 3)
+    known = np.isfinite(error)
+    return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
+
+
+def _metrics_like(result: Result, quantity: Measure) -> list[Measure]:
+    """Return the stored metrics that are this number over any window."""
+    return [
+        metric
+        for metric in result.stored_metrics
+        if metric.name == quantity.name
+        or (metric.of and (metric.of, metric.signals) == (quantity.of, quantity.signals))
+    ]
+
+
+def _stored_as(result: Result, quantity: Measure, window: Window) -> str | None:
+    """Return the stored metric that is this number over this window."""
+    window = window.within(result.times)
+    same = (q for q in _metrics_like(result, quantity) if q.window.within(result.times) == window)
+    return next((other.name for other in same), None)
+
+
+def _has_signals(result: Result, quantity: Measure) -> bool:
+    """Whether a quantity can be computed from stored signals."""
+    stored = quantity.windowed and all(map(result.is_over_time, quantity.signals))
+    return stored and len(result.times) > 1
+
+
+def _not_stored(result: Result, quantity: Measure, window: Window | None = None) -> EqtError:
+    name = quantity.name
+    if not quantity.windowed:
+        return result.error(f"holds no metric '{name}' over a window; it is one of whole runs")
+    what = name if window is None else f"{name} over {window} s"
+    return result.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
+
+
+def _of_part(result: Result, quantity: Measure) -> Measure:
+    """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
+    of = quantity.signals[0] if quantity.signals else ""
+    norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
+    parts = result.described.parts if norm else []
+    part = next((each for each in parts if of == f"{norm}_{each.name}"), None)
+    vectors = [each for each in parts if not each.turns]
+    initials = {each.name[0] for each in vectors}
+    if part is None or len(parts) != 1 + len(vectors) or len(initials) < len(vectors):
+        return quantity
+    if not vectors or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
+        return quantity
+    turning, only, one_of_several = _OF_MOTIONS[norm]
+    vector = only
+    if len(vectors) > 1:
+        vector = Symbol(*(text.replace("%s", part.name[0]) for text in one_of_several))
+    label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
+    return replace(quantity, symbol=turning if part.turns else vector, label=label)
+
+
+def check_stored(result: Result, *signals: str, who: str) -> None:
+    """Check that signals are stored over time.
+
+    Parameters
+    ----------
+    who
+        Name of the caller with the verb: ``figure 'paper' needs``.
+
+    Raises
+    ------
+    EqtError
+        If the file lacks a signal; the message says how to store it.
+    """
+    for name in signals:
+        if not result.is_over_time(name):
+            raise result.error(f"{who} {lacks([name])}")
+
+
+def stored_place(result: Result, run: int) -> int:
+    """Return the index of a run among those with trajectories.
+
+    Raises
+    ------
+    EqtError
+        If the trajectory of that run is not stored.
+    """
+    stored = result.stored_runs.tolist()
+    if run not in stored:
+        has = f"; stored are runs {stored[0]} to {stored[-1]}" if stored else ""
+        raise result.error(f"the trajectory of run {run} is not stored{has}")
+    return int(stored.index(run))
+
+
+def swept_key(result: Result, name: str) -> SweptKey:
+    """Return a swept key by the name of its coordinate."""
+    about, values = result.attributes_of(name), result.coordinate(name)
+    label, unit = (printable(str(about.get(text, ""))) for text in ("label", "unit_of_key"))
+    key = partial(
+        SweptKey, result.long_name(name).removesuffix(", swept"), label=label, unit_of_key=unit
+    )
+    if values.dtype != object:
+        return key(values.astype(float), {}, about.get("scale") == "log")
+    written = [printable(str(value)) for value in values]
+    numbers = [number for text in written if (number := with_unit(text)) is not None]
+    units = {unit for _, unit in numbers}
+    if len(numbers) == len(written) and len(units) == 1:
+        return key(np.array([value for value, _ in numbers]), {}, unit=units.pop())
+    constants = [value for text in written if (value := constant_of(text)) is not None]
+    if len(constants) == len(written):
+        return key(np.array([value for value, _ in constants]), dict(constants))
+    order: dict[str, float] = {}  # in the order of the points
+    places = [order.setdefault(text, float(len(order))) for text in written]
+    texts = {place: text for text, place in order.items()}
+    return key(np.array(places), texts, is_number=False)
+
+
+def _number(result: Result, name: str) -> Array:
+    """Return one of `metrics` of every run."""
+    if result.has(name):
+        return result[name].astype(float)
+    return np.isfinite(result[result.quantity(name).implied_by]).astype(float)
+
+
+def laws_at(result: Result, controller: int) -> dict[int, str]:
+    """Return the titles of the registered laws that a controller equals, by point.
+
+    Empty if the sweep does not vary the controllers' options.
+    """
+    if not result.has(LAW):
+        return {}
+    names = result.read(LAW, controller=controller)
+    return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
+
+
+def rename(result: Result, names: Mapping[str, str]) -> list[str]:
+    """Call laws and quantities otherwise, in figures and tables; return those that are not here.
+
+    Parameters
+    ----------
+    names
+        By a law's label or title, or by the name of a quantity.
+    """
+    titles = {result.label_of(name): printable(title) for name, title in names.items()}
+    result.custom_names = titles
+    vars(result).pop("title_of", None)
+    return [
+        name
+        for name, called in zip(names, titles, strict=True)
+        if not (called in result.labels or result.has(called) or called in result.comparable)
+    ]
 
 
 def open_result(path: str | os.PathLike[str]) -> Result:

@@ -14,6 +14,7 @@ from said import says
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli import result_tables
+from eqt_cli.results.summary import headline
 
 FAILS = ("--set", "solver.max_steps=20")
 
@@ -156,7 +157,7 @@ def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result):
     names = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
     metrics = dict.fromkeys((*names, "energy_residual"), 0 * times) | {"settling_time": times}
     result = make_result(["eqt", "gt"], metrics=metrics)
-    lines = list(result_tables._shares(result))
+    lines = list(result_tables._shares(result, headline(result)))
     assert lines == [
         "not settled: EqT 1 of 2000, 0.0005 [1.3e-05, 0.0028]; GT 0 of 2000, 0 [0, 0.0018] "
         "(exact 95 % intervals)",

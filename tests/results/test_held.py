@@ -19,6 +19,7 @@ from eqt_cli.cli.result_tables import _shares
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import Latex, Plain, Window
 from eqt_cli.results.result import Result, open_result
+from eqt_cli.results.summary import headline
 
 TICK, TICKS = 0.1, 20
 LIMIT, LAG = {"kind": "limit", "limit": 0.5}, {"kind": "lag", "time_constant": 0.05}
@@ -106,7 +107,9 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
         table = text_tables(comparison, Plain())["controllers"]
         in_latex = text_tables(comparison, Latex())["controllers"].notes
         early = result.per_run(QUANTITIES["early_torque"], Window(0.0, 1.0))
-        [shown] = [line for line in _shares(result) if line.startswith("mean ‖τ‖")]
+        [shown] = [
+            line for line in _shares(result, headline(result)) if line.startswith("mean ‖τ‖")
+        ]
         size = np.linalg.norm(result.read("torque", controller=0), axis=-1) ** 2
         # The rule that docs/reference/results.md states
         ruled = np.trapezoid(size, result.times) + TICK / 2 * (size[:, 0] - size[:, -1])
@@ -146,11 +149,11 @@ def test_thinned_samples_are_all_that_a_stored_number_is_computed_from(tmp_path:
         assert result.per_run(QUANTITIES["effort"]).sampling == (0.0, 0)
         assert result.per_run(QUANTITIES["mean_torque"]).sampling == (0.0, 0)
         assert result.per_run(QUANTITIES["actuator_work"]).sampling[1] == 4
-        assert not any("samples" in line for line in _shares(result))
+        assert not any("samples" in line for line in _shares(result, headline(result)))
 
 
 def test_a_file_with_one_sample_is_summarised(tmp_path: Path) -> None:
     """Thinned beyond its samples; its metrics are of all of them."""
     with run(tmp_path, 21, [], store={"decimate": 30}) as result:
         assert len(result.times) == 1
-        assert not any("distance of samples" in line for line in _shares(result))
+        assert not any("distance of samples" in line for line in _shares(result, headline(result)))

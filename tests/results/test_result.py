@@ -6,7 +6,8 @@ from said import error_of, says
 
 from eqt_cli.base.stored import Status
 from eqt_cli.results.quantity import SweptKey, constant_of, with_unit
-from eqt_cli.results.result import mean_over_runs
+from eqt_cli.results.result import by_parts, check_stored, mean_over_runs
+from eqt_cli.results.summary import check_metrics, endings, headline
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -41,7 +42,7 @@ def test_endings_in_words_the_most_frequent_first(make_result):
     status = [[Status.STEP_LIMIT, 0, Status.NON_FINITE, Status.NON_FINITE, 99, 0]]
     result = make_result(["eqt"], metrics={"effort": np.ones((1, RUNS))}, status=status)
     counted = {"non finite": 2, "step limit": 1, "status 99": 1}
-    assert list(result.endings.items()) == list(counted.items())
+    assert list(endings(result).items()) == list(counted.items())
 
 
 def test_what_is_kept_cannot_be_written_to(failing):
@@ -66,7 +67,7 @@ def test_who_needs_trajectories_is_told_how_to_get_them(make_result):
     result = make_result(["eqt"], metrics={"effort": np.ones((1, RUNS))})
     assert result.stored_runs.size == 0
     assert says(
-        error_of(result.check_stored, "torque_norm", who="figure 'torque' needs"),
+        error_of(check_stored, result, "torque_norm", who="figure 'torque' needs"),
         f"{result.path}: figure 'torque' needs the trajectories of…'torque_norm'…",
     )
 
@@ -84,7 +85,7 @@ def test_censored_are_good_runs_without_a_number_that_may_lie_beyond(failing):
 def test_an_unknown_metric(failing):
     said = error_of(failing.metric, "efort")
     assert said.startswith("unknown metric 'efort'; did you mean 'effort'? known here: ")
-    assert error_of(failing.check_metrics, ["efort"], who="figure 'pareto'") == (
+    assert error_of(check_metrics, failing, ["efort"], who="figure 'pareto'") == (
         f"{failing.path}: figure 'pareto' finds no metric 'efort'; did you mean 'effort'?"
     )
 
@@ -94,7 +95,7 @@ def test_parts_of_norms(make_result):
     names = ("torque_norm", "torque_norm_rotation", "torque_norm_translation", "lyapunov")
     result = make_result(["eqt"], dict.fromkeys(names, levels))
     assert result.parts("torque_norm") == ["rotation", "translation"]
-    assert [q.name for q in result.by_parts("effort")] == ["effort_rotation", "effort_translation"]
+    assert [q.name for q in by_parts(result, "effort")] == ["effort_rotation", "effort_translation"]
 
 
 def test_a_point_is_asked_for_itself(make_result):
@@ -116,7 +117,7 @@ def test_headline_has_no_means_where_no_run_is_good(make_result):
     values = np.arange(8.0).reshape(2, 4)
     metrics = dict.fromkeys((*names, "energy_residual"), values)
     result = make_result(["eqt", "gt"], metrics=metrics, status=[[0, 0, 1, 0], [1] * 4])
-    first, second = result.headline
+    first, second = headline(result)
     assert (first["runs"], first["failed"], first["early_torque"]) == (4, 1, 4 / 3)
     assert first["energy_residual"] == 3.0
     assert np.isnan(second["early_torque"]) and np.isnan(second["energy_residual"])

@@ -20,6 +20,7 @@ from eqt_cli.cli.result_tables import print_outcome
 from eqt_cli.engines.horizon import _jumps
 from eqt_cli.results.quantity import in_one_form
 from eqt_cli.results.result import open_result
+from eqt_cli.results.summary import headline
 
 HALF_TURN = {"kind": "angle", "angle": "180 deg", "axis": [1, 0, 0]}
 AT_REST, MOVING = ({"kind": "speed", "speed": x, "axis": [1, 0, 0]} for x in (0.0, 0.1))
@@ -84,7 +85,7 @@ def test_such_a_run_counts_neither_way_and_no_tolerance_is_advised(
 ) -> None:
     statuses(tmp_path, 10.0, initial={"pose": HALF_TURN, "velocity": AT_REST})
     with open_result(tmp_path / "r") as result:
-        (row,) = result.headline
+        (row,) = headline(result)
         print_outcome(result)
     assert (row["runs"], row["failed"], row["by_rounding"], row["settled"]) == (1, 1, 1, 0)
     out, err = capsys.readouterr()

@@ -9,6 +9,7 @@ from eqt_cli.components.tasks import TRACK
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.result import open_result
+from eqt_cli.results.summary import headlines
 from eqt_cli.runs.folder import by_thresholds_of_parts
 
 THRESHOLDS = {"rotation": np.radians(30), "translation": 0.4}
@@ -126,5 +127,5 @@ def test_a_summary_begins_with_the_time_of_a_rate(invoke, folder):
     )
     invoke("run", "c.yaml", "--out", "out")
     with open_result(folder / "out") as opened:
-        assert opened.headlines[0] == "settling_time"
+        assert headlines(opened)[0] == "settling_time"
         assert opened["settling_time"][0, 0] == pytest.approx(2 * np.log(10), rel=1e-5)

@@ -24,7 +24,7 @@ from eqt_cli.engines.native import law_of
 from eqt_cli.extensions.firmware.controllers import Code
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, check_stored
 from eqt_cli.results.timing import late_lines, machine, statistics
 
 CALLS = 500
@@ -84,7 +84,7 @@ def call_times(
     """
     with open_at(path, point) as opened:
         result = opened.single("the laws of one experiment are timed")
-        result.check_stored("pose", "velocity", who="timing a law at its inputs needs")
+        check_stored(result, "pose", "velocity", who="timing a law at its inputs needs")
         names = [controllers] if isinstance(controllers, str) else controllers
         labels = [result.labels[result.position_of(name)] for name in names or result.labels]
         loops = build(document_of(result, trust_plugins)).loops

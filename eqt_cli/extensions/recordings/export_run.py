@@ -15,7 +15,7 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import write_all
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import known_group
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, check_stored, stored_place
 
 REFERENCE = "reference"
 """Names the reference in place of a law."""
@@ -89,8 +89,8 @@ def flight(result: Result, law: str, run: int) -> Flight:
 
 
 def _of_run(result: Result, name: str, law: str, run: int) -> Array:
-    result.check_stored(name, who="a run in a file needs")
-    dims, place = result.dims(name), result.stored_place(run)
+    check_stored(result, name, who="a run in a file needs")
+    dims, place = result.dims(name), stored_place(result, run)
     chosen: dict[str, Any] = {dim: place for dim in dims if dim.endswith("run")}
     if "controller" in dims:
         known = law != REFERENCE or law in result.labels

@@ -16,7 +16,7 @@ from eqt_cli.components.motions import Pieces, through
 from eqt_cli.extensions.recordings.recording import WRENCH, recorded_names
 from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.results.quantity import Plain
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, check_stored
 
 FEWEST = 20
 """Least number of rows, and of samples of the run, for an alignment."""
@@ -541,7 +541,7 @@ def measured_runs(
         If the result does not hold the run, or the recording cannot be aligned with it.
     """
     result.single(f"{who} needs a single experiment")
-    result.check_stored(*NEEDED, who=f"{who} needs")
+    check_stored(result, *NEEDED, who=f"{who} needs")
     G, times = recording.group, result.times
     states = [result.trajectory(name, run) for name in NEEDED[:3]]
     reference = Course(G, times, *(result[name] for name in NEEDED[3:]))

@@ -30,6 +30,7 @@ from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.results.conclusion import conclusion_of, side_by_side
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import compared_first
 
 # Location and rendering of the page templates -----------------------------------------------------
 
@@ -485,9 +486,9 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
 
 def _animated(result: Result) -> dict[str, Any]:
     """Return the animation of the first law's median run; empty if no body can be shown."""
-    if not result.compared_first:
+    if not compared_first(result):
         return {}
-    metric = result.compared_first[0]
+    metric = compared_first(result)[0]
     values = result[metric][0]
     runs = [int(run) for run in result.stored_runs if np.isfinite(values[run])]
     if runs:

@@ -26,6 +26,7 @@ from eqt_cli.figures.style import house_style, line_style
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.result import Result, meaning_of
+from eqt_cli.results.summary import unit_in_words
 from eqt_cli.results.timing import timing_lines
 
 MOST_ROWS = 8000
@@ -91,7 +92,7 @@ def columns(result: Result, names: Sequence[str]) -> list[Document]:
         {
             "metric": name,
             "name": quantity.described,
-            "unit": result.unit_in_words(name),
+            "unit": unit_in_words(result, name),
             "better": "" if quantity.better == "neither" else quantity.better,
         }
         for name, quantity in zip(names, quantities, strict=True)

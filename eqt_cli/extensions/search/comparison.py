@@ -14,6 +14,7 @@ from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.extensions.search.tables import is_sampled
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import check_metrics
 
 Answer = tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]]
 
@@ -50,7 +51,7 @@ def _of_samples(
         return None
     sought = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
     names = list(dict.fromkeys(metrics or sought))
-    result.check_metrics(names, "compare")
+    check_metrics(result, names, "compare")
     pairs = ratios.ratios(result, record, names, chosen, how.confidence)
     table = ratios.ratio_table(result, pairs, record["samples"], write)
     said = ratios.sentences(result, pairs[: len(pairs) // len(names)], record["samples"])

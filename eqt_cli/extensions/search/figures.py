@@ -22,7 +22,7 @@ from eqt_cli.figures.shown import ALL, Chosen, error_of, looks, positions
 from eqt_cli.figures.style import WIDTHS, Look, Width, line_style
 from eqt_cli.results.origin import label_named, law_title
 from eqt_cli.results.quantity import SweptKey
-from eqt_cli.results.result import Result
+from eqt_cli.results.result import Result, swept_key
 
 # Figure of a search with two objectives: the front of each law, on held-out runs ------------------
 
@@ -229,7 +229,7 @@ class ShownWorst:
             position = results.labels.index(law["label"])
             for line in law["lines"] if position in shown else ():
                 key, points = line["key"], slice(*line["points"])
-                stored = results.swept_key(coordinate_of(key))
+                stored = swept_key(results, coordinate_of(key))
                 self._keys[key] = stored.in_degrees
                 cost = costs[points, position]
                 worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))

@@ -19,6 +19,7 @@ from eqt_cli.extensions.search.record import AGREEING, agree, values_text
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.summary import compared_first
 
 Record = Mapping[str, Any]
 
@@ -81,7 +82,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
         ranking = _ranking(result, record["objectives"][0], tuned)
         rule = f"A law is better where it is {RULE}, with p times the pairs."
         pairs = [replace(table, notes=[*table.notes, ranking, rule])]
-    names = list(dict.fromkeys([*record["objectives"], *result.compared_first]))
+    names = list(dict.fromkeys([*record["objectives"], *compared_first(result)]))
     winners = _winners(result, record, names)
     tables = [winners, _by_case(cases, record), bounds, *pairs]
     return [table for table in tables if table.blocks]
