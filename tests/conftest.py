@@ -33,7 +33,6 @@ from made_up import Table, write
 from measuring import Measuring
 from small_experiment import configuration
 
-from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import EqtWarning, Problems
 from eqt_cli.base.extensions import shipped
 from eqt_cli.base.process import STOP_SIGNALS
@@ -49,6 +48,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.study import study
 from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler
+from eqt_cli.extend import Array, transpose
 from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, NUMBERS, Program, c_function
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import executors

@@ -24,7 +24,7 @@ from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
 from benchmarks.contenders.rotorpy_loop import RotorPy
 from benchmarks.machine import machine
 from benchmarks.process import Spent, spent
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import SolveIvp
 
 
 @pytest.mark.parametrize("xp", [np, WRITTEN_OUT], ids=["numpy.cross", "written out"])

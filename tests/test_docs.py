@@ -19,7 +19,7 @@ import yaml
 from ci_cases import mostly_ci
 
 from eqt_cli import open_result
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 from eqt_cli.figures.figure import figures
 
 ROOT = Path(__file__).parent.parent

@@ -22,7 +22,7 @@ from eqt_cli.analysis.intervals import (
     runs_to_decide,
     runs_without_exception,
 )
-from eqt_cli.base.arrays import Array
+from eqt_cli.extend import Array
 
 
 def intervals(columns, confidence=0.95, resamples=9999, seed=0):

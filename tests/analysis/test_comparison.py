@@ -15,8 +15,7 @@ from eqt_cli.analysis.comparison import Numbers
 from eqt_cli.analysis.comparison_tables import records, text_tables, unsettled
 from eqt_cli.analysis.intervals import Resampling, Word, resolved_differences
 from eqt_cli.analysis.maps import NOBODY, compare_map
-from eqt_cli.base.errors import EqtError
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.extend import EqtError, SampledRuns
 from eqt_cli.results.metrics import decay_rate
 from eqt_cli.results.origin import Experiment
 from eqt_cli.results.quantity import Latex, Plain, Window

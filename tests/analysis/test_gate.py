@@ -6,7 +6,7 @@ import pytest
 
 from eqt_cli.analysis.gate import Finding, Rule, lines, passes, rules_of
 from eqt_cli.analysis.intervals import Interval
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.analysis.maps import NOBODY, Map, _notes, compare_map
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.results.result import Result
 
 RUNS = 20

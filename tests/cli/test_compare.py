@@ -16,7 +16,7 @@ from scipy.stats import ttest_rel
 from small_experiment import FEW_RUNS as SMALL
 from stored import fixed
 
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 from eqt_cli.results.result import open_result
 
 BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"

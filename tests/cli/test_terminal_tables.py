@@ -6,10 +6,10 @@ import sys
 import pytest
 from rich.cells import cell_len
 
-from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.cli import output
 from eqt_cli.cli.output import folded, room, table
 from eqt_cli.cli.tables import as_latex, table_text
+from eqt_cli.extend import Block, TextTable
 
 ROWS = [
     ["eqt", "1.830", "holds", "-0.283 [-0.346, -0.219]"],

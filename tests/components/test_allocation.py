@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.propellers import Propellers
 from eqt_cli.components.thrusters import Failure, Jets, Priority, Thruster, Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
+from eqt_cli.extend import group_named
 
 SE3, SO3 = group_named("SE3"), group_named("SO3")
 WEIGHT, HIGH = 14.71, 9.0

@@ -8,9 +8,9 @@ import yaml
 from plain import hat
 from scipy.integrate import solve_ivp
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extend import group_named
 from eqt_cli.loop.linearised import off_limits
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}

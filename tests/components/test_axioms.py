@@ -14,7 +14,6 @@ import scipy.linalg
 from case_tables import refusal
 from drawn import drawn
 
-from eqt_cli.base.arrays import apply_matrix, dot, transpose
 from eqt_cli.base.errors import ComponentError, TraceError
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup, group_named, groups
 from eqt_cli.components.matrix_groups import (
@@ -26,6 +25,7 @@ from eqt_cli.components.matrix_groups import (
     stumpff,
     turn_of_distance,
 )
+from eqt_cli.extend import apply_matrix, dot, transpose
 
 # Tens of last places of numbers up to a hundred; measured 2e-15.
 ROUNDING = 1e-13

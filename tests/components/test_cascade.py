@@ -13,14 +13,23 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.base.arrays import cos, cross, dot, sin, sqrt, stack, transpose
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components import cascade
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.remarks import remarks
-from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.extend import (
+    Problem,
+    Status,
+    cos,
+    cross,
+    dot,
+    group_named,
+    sin,
+    sqrt,
+    stack,
+    transpose,
+)
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
 from eqt_cli.numbers.program import traced

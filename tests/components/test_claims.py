@@ -7,11 +7,9 @@ import pytest
 
 from eqt_cli.api.loading import load_experiment
 from eqt_cli.components.classic_laws import CancellingLaw, Goodarzi2013, Quaternion, Stabilising
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Family, controllers
-from eqt_cli.components.mechanics import Gains, Tracking
 from eqt_cli.config.remarks import remarks
+from eqt_cli.extend import Gains, Inertia, Tracking, group_named
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,10 @@ import pytest
 from ports import after_measuring
 from scipy.stats import binomtest, chi2
 
-from eqt_cli.components.estimators import Eqf, Invariant
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.sensors import CHANNEL_MEASURED, FIRST, NOTHING, Bias, Errors, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import Eqf, Invariant, group_named
 from eqt_cli.loop.signals import compute
 
 TEXT = """

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from small_loops import any_matrix
 
-from eqt_cli.base.arrays import frobenius
-from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import (
     _direction,
     common_weight,
@@ -13,6 +11,7 @@ from eqt_cli.components.inertia import (
     distance_to_unstable,
 )
 from eqt_cli.components.mechanics import gradient
+from eqt_cli.extend import MatrixLieGroup, frobenius, group_named
 
 # Hundreds of last places of numbers of order 10.
 ROUNDING = 1e-13

@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.forces import Drag, Restoring, in_currents
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.config.remarks import remarks
+from eqt_cli.extend import Inertia, group_named
 
 SE2, SE3 = group_named("SE2"), group_named("SE3")
 TOLERANCE = 1e-7

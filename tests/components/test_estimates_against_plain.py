@@ -12,12 +12,10 @@ import pytest
 from ports import after_measuring
 from scipy.linalg import solve_discrete_are
 
-from eqt_cli.components.estimators import Complementary, Eqf, Invariant
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
-from eqt_cli.components.sensors import Bias, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import Bias, Complementary, Eqf, Invariant, Noise, group_named
 from eqt_cli.loop.signals import compute
 
 FILTERS = {"invariant": plain.InvariantFilter, "eqf": plain.EquivariantFilter}

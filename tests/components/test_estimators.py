@@ -8,8 +8,6 @@ from scipy.linalg import expm
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.estimators import Complementary, Invariant, indefinite, pivots
-from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle, exactly_measured
 from eqt_cli.components.vehicle_parts import Normal, Sampling
 from eqt_cli.config.document import read_config
@@ -17,6 +15,7 @@ from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
 from eqt_cli.engines.native import programs
+from eqt_cli.extend import MatrixLieGroup, Noise, group_named
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.program import c_function, traced
 from eqt_cli.numbers.rounded import evaluated

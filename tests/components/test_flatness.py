@@ -4,10 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.base.arrays import cos, sin, stack
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.motions import (
     attitude,
     check_along,
@@ -16,7 +12,7 @@ from eqt_cli.components.motions import (
     third_axis,
     unit_vector,
 )
-from eqt_cli.numbers.jets import Jet
+from eqt_cli.extend import Inertia, Jet, Problems, cos, group_named, sin, stack
 
 AXES = [
     *((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.6, 0.0, -0.8), (0.0, 1.0)),

@@ -7,9 +7,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.components.forces import ConstantForce, Gust
-from eqt_cli.components.groups import group_named
 from eqt_cli.config.remarks import remarks
+from eqt_cli.extend import ConstantForce, Gust, group_named
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 PLACE = np.array([2.0, -1.0, 0.5])

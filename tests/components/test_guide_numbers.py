@@ -8,7 +8,7 @@ import yaml
 from scipy.special import gammainc
 
 import eqt_cli
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from small_loops import closed_loop, expressions
 
-from eqt_cli.base.arrays import dot, inverse_spd, transpose
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia, not_rigid
 from eqt_cli.components.laws import controllers
-from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.extend import Gains, Tracking, dot, group_named, inverse_spd, parse, transpose
 
 EXAMPLES = settings(max_examples=10)
 

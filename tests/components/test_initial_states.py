@@ -12,9 +12,7 @@ from said import says
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import (
     FactorPoses,
     ListedPoses,
@@ -26,6 +24,7 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
     velocity_distributions,
 )
+from eqt_cli.extend import Problems, group_named
 
 SEED = 2025
 

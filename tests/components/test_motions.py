@@ -9,10 +9,8 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from small_loops import closed_loop, expressions
 
-from eqt_cli.base.arrays import frobenius, norm
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components import motions
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, PrescribedInertia
 from eqt_cli.components.motions import spline
 from eqt_cli.components.references import (
@@ -26,6 +24,7 @@ from eqt_cli.components.references import (
 )
 from eqt_cli.components.waypoints import Waypoint, WaypointsReference
 from eqt_cli.engines.engine import Problem, engines
+from eqt_cli.extend import frobenius, group_named, norm
 
 GROUPS = ("SO3", "SE3", "SE23", "SE2", "SE3*SO2")
 KINDS = ("path", "slew", "waypoints", "rates")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from drawn import drawn
 
-from eqt_cli.base.arrays import apply_matrix, dot, transpose
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import gradient, hessian_at_identity, potential
+from eqt_cli.extend import apply_matrix, dot, group_named, transpose
 
 # Tens of last places of numbers up to a hundred.
 ROUNDING = 1e-13

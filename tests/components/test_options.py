@@ -5,8 +5,6 @@ import pytest
 from case_tables import refusal
 
 from eqt_cli.base.errors import InputError, Problems
-from eqt_cli.base.expressions import formula
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping, TimeMapping
 from eqt_cli.components.references import (
     ConstantReference,
@@ -17,6 +15,7 @@ from eqt_cli.components.references import (
     TorqueReference,
 )
 from eqt_cli.components.waypoints import Waypoint, WaypointsReference
+from eqt_cli.extend import formula, group_named
 
 G = group_named("SO3")
 POINTS = [Waypoint(0.0, "identity"), Waypoint(2.0, {"rotvec": [0.3, 0.0, 0.0]})]

@@ -11,12 +11,10 @@ from small_experiment import mapping
 from benchmarks.contenders.mujoco_body import MuJoCo, RigidBody
 from eqt_cli import api
 from eqt_cli.components.blocks import acting_force
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import lie_poisson
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
-from eqt_cli.engines.engine import Problem
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Problem, SolveIvp, group_named
 
 CONFIG = mapping(
     inertia=[[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]],

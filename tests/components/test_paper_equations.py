@@ -11,15 +11,12 @@ import pytest
 from drawn import drawn
 from hypothesis import strategies as st
 
-from eqt_cli.base.arrays import apply_matrix, dot, transpose
-from eqt_cli.base.expressions import parse
 from eqt_cli.components import mechanics
 from eqt_cli.components.groups import group_named, groups
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.components.laws import Family, controllers
 from eqt_cli.components.mechanics import Gains, Semidirect, Tracking
-from eqt_cli.components.references import TorqueReference
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.extend import ClosedLoop, TorqueReference, apply_matrix, dot, parse, transpose
 
 # Tens of last places of torques up to ten; measured 3e-15.
 LITERAL = 1e-13

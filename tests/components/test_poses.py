@@ -7,9 +7,8 @@ from case_tables import from_yaml
 from said import says
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_notation import pose_from
+from eqt_cli.extend import Problems, group_named
 
 QUARTER = Rotation.from_rotvec([0, 0, np.pi / 2]).as_matrix()
 

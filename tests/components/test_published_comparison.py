@@ -13,7 +13,7 @@ from case_tables import in_ci
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 
 FOLDER = Path(__file__).parents[2] / "examples" / "quadrotor"
 

@@ -14,19 +14,23 @@ from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 from small_loops import any_matrix, closed_loop
 
-from eqt_cli.base.arrays import norm
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.forces import ConstantForce
-from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Family, controllers
-from eqt_cli.components.matrix_groups import SO3
-from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.native import SMALLEST_RTOL, Native
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import (
+    SO3,
+    ConstantForce,
+    ConstantReference,
+    Gains,
+    Inertia,
+    MatrixLieGroup,
+    Problem,
+    Problems,
+    SolveIvp,
+    Tracking,
+    group_named,
+    norm,
+)
 
 # Torques of about ten, by a hundred operations each; measured 4e-14.
 LITERAL = 1e-12

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.matrix_groups import rotation_of_euler, rotation_of_quaternion
+from eqt_cli.extend import group_named
 
 RUNS = 20_000
 

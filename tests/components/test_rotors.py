@@ -12,10 +12,8 @@ from said import mentions
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.base.errors import EqtError
-from eqt_cli.components.forces import Drag, Restoring
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Failure, Thruster, Thrusters
+from eqt_cli.extend import Drag, EqtError, Restoring, group_named
 from eqt_cli.loop.linearised import flow
 
 SE3 = group_named("SE3")

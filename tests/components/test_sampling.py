@@ -9,16 +9,13 @@ import pytest
 from case_tables import in_ci
 
 from eqt_cli.base import yaml_source
-from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import validated
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
-from eqt_cli.components.sensors import Bias, Noise
 from eqt_cli.config.document import Document, Place
 from eqt_cli.config.schema import ControlSection
 from eqt_cli.config.study import study
+from eqt_cli.extend import Bias, Noise, Problems, SampledRuns, group_named
 from eqt_cli.loop.signals import compute
-from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import energy_residual
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

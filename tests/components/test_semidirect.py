@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from drawn import drawn
 
-from eqt_cli.base.arrays import dot
 from eqt_cli.components.mechanics import Semidirect, lie_poisson
+from eqt_cli.extend import dot
 
 # Tens of last places of numbers up to a hundred; measured 5e-15.
 ROUNDING = 1e-13

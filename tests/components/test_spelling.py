@@ -10,7 +10,7 @@ import eqt_cli
 from eqt_cli.base.errors import bare
 from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import registry
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named
 from eqt_cli.results.origin import label_named
 
 FEW = {"ensemble.runs": 2, "time.duration": 1, "time.samples": 5}

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from small_experiment import configuration, study_of
 
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
-from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.tasks import TRACK, Point, task_of
+from eqt_cli.extend import Gains, Problems, group_named
 
 EqT, Lee2010, Sliding = map(controllers.get, ("eqt", "lee2010", "sliding"))
 SO3, SE3 = group_named("SO3"), group_named("SE3")

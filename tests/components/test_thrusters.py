@@ -12,14 +12,12 @@ from scipy.optimize import lsq_linear
 
 from eqt_cli.api import load_experiment
 from eqt_cli.api.loading import open_at
-from eqt_cli.components.actuators import Limit, RateLimit
 from eqt_cli.components.blocks import beyond_limits, signals, solution
-from eqt_cli.components.forces import Drag
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, allocation, unreachable
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
 from eqt_cli.config.remarks import limits_below_reference
+from eqt_cli.extend import Drag, Limit, RateLimit, group_named
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.run_study import execute

@@ -10,7 +10,6 @@ from ports import ports
 from said import says
 from small_loops import expressions
 
-from eqt_cli.base.errors import Problems
 from eqt_cli.components.actuators import (
     Actuator,
     Deadband,
@@ -22,16 +21,9 @@ from eqt_cli.components.actuators import (
     Scaled,
 )
 from eqt_cli.components.blocks import beyond_limits, signals
-from eqt_cli.components.estimators import Complementary, Invariant, Schedule
-from eqt_cli.components.forces import ConstantForce, Drag, GravityGradient, Gust, Restoring
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia, PrescribedInertia
 from eqt_cli.components.initial_states import Stream, generator_at
-from eqt_cli.components.laws import EqT
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.sensors import Bias, Channel, Errors, Noise
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import (
     ConstantInertia,
@@ -47,7 +39,23 @@ from eqt_cli.components.vehicle_parts import (
     lowest,
     mean_square,
 )
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.extend import (
+    ClosedLoop,
+    Complementary,
+    ConstantForce,
+    ConstantReference,
+    Drag,
+    EqT,
+    Gains,
+    GravityGradient,
+    Gust,
+    Invariant,
+    Problems,
+    Restoring,
+    Schedule,
+    Thrusters,
+    group_named,
+)
 from eqt_cli.numbers.leaves import leaves
 
 SO3, SE2, SE3 = (group_named(name) for name in ("SO3", "SE2", "SE3"))

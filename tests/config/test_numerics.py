@@ -9,13 +9,13 @@ from ci_cases import mostly_ci
 from drawn_starts import draw_initial_states
 from said import says
 
-from eqt_cli.base.errors import Problems
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import check_steps, ill_conditioned, remarks
 from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import Problem, engines
+from eqt_cli.extend import Problems
 from eqt_cli.loop.linearised import flow
 
 OF_MANY = pytest.mark.ci("one of many pairs")

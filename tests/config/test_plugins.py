@@ -13,11 +13,11 @@ from plugin_sources import EVERY_KIND, component
 from said import says
 
 from eqt_cli.base import registry
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.study import study
+from eqt_cli.extend import EqtError
 from eqt_cli.runs.executors import executors
 from eqt_cli.runs.run_study import execute
 

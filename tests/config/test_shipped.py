@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from ci_cases import mostly_ci
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
@@ -18,6 +17,7 @@ from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.engines.choice import unavailable
 from eqt_cli.engines.engine import engines
+from eqt_cli.extend import EqtError
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1.0e-8"]

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from said import says
 
-from eqt_cli.base.errors import Problems
 from eqt_cli.config.designs import Choices, DrawnRange, Sweep
+from eqt_cli.extend import Problems
 
 
 def sweep(*blocks):

@@ -21,15 +21,11 @@ from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import load_plugin, registry
 from eqt_cli.components.actuators import actuators
 from eqt_cli.components.flat import Knot
-from eqt_cli.components.forces import Force
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Designed, controllers
-from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import PathFactor, references
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.waypoints import Waypoint
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.extend import ClosedLoop, Force, Gains, Inertia, group_named
 from eqt_cli.loop.linearised import designed
 
 TESTS = Path(__file__).parents[1]

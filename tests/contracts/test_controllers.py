@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from eqt_cli.base.errors import Problems
+from eqt_cli.extend import Problems
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to a hundred.

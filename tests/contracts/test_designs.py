@@ -6,10 +6,10 @@ import jsonschema
 import pytest
 import yaml
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.config.document import read_config
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.study import study
+from eqt_cli.extend import EqtError
 
 CONFIG = """\
 group: SO3

@@ -11,17 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.base.arrays import less, where
-from eqt_cli.components.forces import Force
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, controllers
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ClosedReference, ConstantReference
 from eqt_cli.components.sensors import Errors, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.engines.choice import unavailable
-from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.extend import (
+    ClosedReference,
+    ConstantReference,
+    Force,
+    Gains,
+    Inertia,
+    Problem,
+    Status,
+    less,
+    where,
+)
 
 RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-6
 SHORT = 1.0

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from ports import after_measuring
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Errors, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import group_named
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 G = group_named("SE2")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import step
+from eqt_cli.extend import EqtError
 from eqt_cli.runs.executors import Outcome
 
 # In a file of its own, where spawned processes find it.

@@ -12,15 +12,11 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import shipped
 from eqt_cli.base.registry import is_foreign, meanings
-from eqt_cli.components.groups import group_named
-from eqt_cli.figures.figure import OfSweep
+from eqt_cli.extend import Commands, EqtError, EstimateFigure, OfSweep, group_named
 from eqt_cli.figures.render import curves
-from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.style import Style
-from eqt_cli.figures.time_figures import Commands
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from drawn_starts import draw_initial_states
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator, velocity_distributions
+from eqt_cli.extend import group_named
 
 # Tens of last places.
 ROUNDING = 1e-13

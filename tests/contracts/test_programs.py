@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from eqt_cli.base.errors import Problems
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.sensors import Errors
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.engines.native import at_instants, law_of, programs, sampled
+from eqt_cli.extend import Problems
 from eqt_cli.loop.law_program import INPUT, NUMBER
 from eqt_cli.loop.signals import at_state
 from eqt_cli.numbers.leaves import leaves

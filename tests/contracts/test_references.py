@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.motions import PlantModel
+from eqt_cli.extend import Inertia, Problems, group_named
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to ten.

@@ -5,12 +5,11 @@ import pytest
 from ports import after_measuring, ports
 
 from eqt_cli.components.actuators import Limit, Solving
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Errors, Noise
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import Thrusters, group_named
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 G = group_named("SE3")

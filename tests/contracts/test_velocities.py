@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator
+from eqt_cli.extend import group_named
 
 
 @pytest.mark.parametrize("name", ["SO3", "SE3", "R1"])

@@ -11,13 +11,9 @@ from small_loops import any_matrix, closed_loop, expressions
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS
 from eqt_cli.base.errors import TraceError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia
 from eqt_cli.components.laws import Controller, EqT, controllers
-from eqt_cli.components.references import TorqueReference
-from eqt_cli.engines.engine import Problem, Status
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Native, Problem, SolveIvp, Status, TorqueReference, group_named
 
 pytestmark = pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 

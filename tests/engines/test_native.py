@@ -18,11 +18,10 @@ from emulated_arm import emulated_arm
 import eqt_cli
 from eqt_cli.engines import compiler, library, native
 from eqt_cli.engines.library import evaluation_source, integration_source
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import SolveIvp, TaskContext
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.compute_part import compute_part, shared_reference
-from eqt_cli.runs.executors import TaskContext
 
 pytestmark = pytest.mark.skipif(
     native.Native.unavailable() is not None, reason="needs a C compiler"

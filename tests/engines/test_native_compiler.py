@@ -19,8 +19,8 @@ import pytest
 from case_tables import refusal
 from said import says
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.engines import compiler
+from eqt_cli.extend import EqtError
 
 LANES = {(): 2, ("AVX",): 4, ("AVX", "AVX-512"): 8}
 SOURCE = "double f(double x) { return x + 1.0; }"

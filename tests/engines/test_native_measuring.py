@@ -8,9 +8,9 @@ import pytest
 import eqt_cli
 from eqt_cli.engines import compiler, library, native
 from eqt_cli.engines.engine import measure
+from eqt_cli.extend import TaskContext
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.compute_part import compute_part, shared_reference
-from eqt_cli.runs.executors import TaskContext
 
 if missing := compiler.missing():
     pytest.skip(missing, allow_module_level=True)

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 from small_loops import closed_loop
 
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.references import TorqueReference
 from eqt_cli.engines import horizon
 from eqt_cli.engines.choice import unavailable
-from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.horizon import check_reference, missed, reference_over_horizon
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Native, Problem, SolveIvp, Status, TorqueReference, group_named, parse
 from eqt_cli.loop.closed_loop import ReferenceSystem
 from eqt_cli.numbers.instants import bounds_of_integral, instants
 

@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.sensors import Errors
 from eqt_cli.engines.engine import (
     Engine,
@@ -23,6 +22,7 @@ from eqt_cli.engines.engine import (
     _Reached,
     walked,
 )
+from eqt_cli.extend import group_named
 from eqt_cli.numbers.leaves import STRUCTURE
 
 

@@ -15,18 +15,21 @@ import pytest
 from small_experiment import mapping
 
 import eqt_cli
-from eqt_cli.components.forces import Force
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, EqT, controllers
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference, TorqueReference
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.engines import solve_ivp
 from eqt_cli.engines.engine import DIVERGED, Problem, Status
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp, _jacobian_options
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.extend import (
+    ClosedLoop,
+    ConstantReference,
+    Force,
+    Gains,
+    Inertia,
+    TorqueReference,
+    group_named,
+)
 from eqt_cli.numbers.leaves import with_leaves
 
 LONG = pytest.mark.ci("takes many steps, and each evaluates the law in Python")

@@ -11,29 +11,30 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.base.arrays import (
+from eqt_cli.engines.library import with_comparison_sides
+from eqt_cli.engines.native import STEP_SHARE, Native
+from eqt_cli.extend import (
+    ClosedLoop,
+    ConstantReference,
+    Controller,
+    Gains,
+    Inertia,
+    Problem,
+    SolveIvp,
+    Status,
     absolute,
     clip,
     cos,
+    group_named,
     less,
     maximum,
     minimum,
     norm,
+    parse,
     sin,
     smooth_less,
     where,
 )
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.laws import Controller
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference
-from eqt_cli.engines.engine import Problem, Status
-from eqt_cli.engines.library import with_comparison_sides
-from eqt_cli.engines.native import STEP_SHARE, Native
-from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.program import traced
 
 TOL = 1e-10

@@ -10,8 +10,8 @@ from ci_cases import mostly_ci
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import COMPARED, WORTH_TRACING, TracedField
+from eqt_cli.extend import Problem
 from eqt_cli.loop.closed_loop import ReferenceSystem
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 

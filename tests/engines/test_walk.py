@@ -8,7 +8,7 @@ import yaml
 
 import eqt_cli
 from eqt_cli.engines import native
-from eqt_cli.engines.engine import Integrator, Status
+from eqt_cli.extend import Integrator, Status
 from eqt_cli.runs.batches import batches
 
 pytestmark = pytest.mark.skipif(

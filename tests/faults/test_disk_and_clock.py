@@ -13,8 +13,7 @@ import pytest
 from faults_harness import CONFIG, FLIGHT, START, Session, assert_equal, contents
 
 from eqt_cli import api
-from eqt_cli.base.errors import EqtError
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import EqtError, Native
 
 SMALL = CONFIG + "ensemble: {runs: 4, seed: 1}\n" + FLIGHT
 NATIVE = SMALL.replace("rtol:", "engine: native, rtol:")

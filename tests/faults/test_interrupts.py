@@ -22,7 +22,7 @@ from faults_harness import (
     parts,
 )
 
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="has no process groups"),

@@ -26,7 +26,7 @@ from faults_harness import (
     parts,
 )
 
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native
 
 SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
 """Of all kills, of which each scenario has one at least; None elsewhere, where it has one."""

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from said import error_of, says
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.figures import time_figures
 from eqt_cli.figures.time_figures import Commands, Summary
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import Distributions, EqtError
 from eqt_cli.figures import comparison_figures
-from eqt_cli.figures.comparison_figures import Distributions
 from eqt_cli.figures.render import curves, encode
 from eqt_cli.figures.shown import MetricValues
 

@@ -5,7 +5,7 @@ import pytest
 from said import error_of, says
 from scipy.stats import chi2
 
-from eqt_cli.figures.run_figures import EstimateFigure, RunsFigure
+from eqt_cli.extend import EstimateFigure, RunsFigure
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

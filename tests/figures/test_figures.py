@@ -19,12 +19,11 @@ from matplotlib.figure import Figure
 from said import error_of, says
 
 from eqt_cli.api.loading import open_at
+from eqt_cli.extend import Commands, EstimateFigure
 from eqt_cli.figures.figure import OfReference, OfSweep, OverTime, figures
 from eqt_cli.figures.layout import freeze
 from eqt_cli.figures.render import encode, render
-from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.style import house_style
-from eqt_cli.figures.time_figures import Commands
 
 FORMATS = ("pdf", "svg", "png")
 

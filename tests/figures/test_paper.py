@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgba
 from said import error_of, says
 
 from eqt_cli.base.store_writer import Variable
-from eqt_cli.figures.run_figures import RunsFigure
+from eqt_cli.extend import RunsFigure
 from eqt_cli.figures.time_figures import Paper, Summary
 
 pytestmark = pytest.mark.usefixtures("unarranged")

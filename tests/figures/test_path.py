@@ -8,8 +8,8 @@ from case_tables import from_yaml
 from said import error_of, says
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
 from eqt_cli.cli.plot import _of_one
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.bodies.figures import PathFigure, PoseFigure, broken
 from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, outline, rotors
 from eqt_cli.figures.layout import diverging

@@ -10,11 +10,10 @@ from scipy.spatial.transform import Rotation
 from eqt_cli import api
 from eqt_cli.api.drawing import desired_motion
 from eqt_cli.api.loading import open_at
-from eqt_cli.components.matrix_groups import SO3
+from eqt_cli.extend import SO3, ShownReference
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.labels import pose_coordinates, without_jumps
 from eqt_cli.figures.render import curves
-from eqt_cli.figures.shown import ShownReference
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from eqt_cli.extend import RunsFigure
 from eqt_cli.figures import run_figures
-from eqt_cli.figures.run_figures import RunsFigure
 
 unarranged = pytest.mark.usefixtures("unarranged")
 

@@ -9,8 +9,8 @@ from case_tables import from_yaml
 from PIL import Image
 from said import error_of, mentions, says
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_eqts, write_all
+from eqt_cli.extend import EqtError
 from eqt_cli.figures.render import curves, encode, figure_from, render
 from eqt_cli.figures.time_figures import Summary, Torque
 

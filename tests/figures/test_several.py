@@ -8,12 +8,10 @@ from case_tables import from_yaml
 from matplotlib.colors import to_rgb
 from said import error_of, says
 
-from eqt_cli.figures.run_figures import RunsFigure
+from eqt_cli.extend import Conclusion, RunsFigure, SweepFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
 from eqt_cli.figures.style import Style, house_style, line_style
-from eqt_cli.figures.sweep_figures import SweepFigure
 from eqt_cli.figures.time_figures import Paper, Summary, Torque
-from eqt_cli.results.conclusion import Conclusion
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

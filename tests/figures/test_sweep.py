@@ -7,13 +7,10 @@ from said import error_of
 
 from eqt_cli.analysis.intervals import Interval, Resampling, share
 from eqt_cli.analysis.maps import NOBODY, compare_map, front
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError, Forest, Pareto, Settled, ShownSweep, SweepFigure, Winners
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
-from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.layout import hide_crowded
-from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import Pareto, Settled, SweepFigure, Winners
 from eqt_cli.results.quantity import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")

@@ -5,7 +5,7 @@ import pytest
 from said import error_of, says
 from scipy import stats
 
-from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.extend import ShownRuns
 from eqt_cli.figures.layout import EMPTY
 from eqt_cli.figures.time_figures import Torque, _places
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named
 from eqt_cli.loop import signals
 
 

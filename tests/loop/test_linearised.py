@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.base.arrays import less, where
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.actuators import Lag
-from eqt_cli.components.forces import ConstantForce, ExpressionForce, Force
 from eqt_cli.components.inertia import PrescribedInertia
-from eqt_cli.components.laws import Controller, EqT
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import (
+    ConstantForce,
+    Controller,
+    EqT,
+    ExpressionForce,
+    Force,
+    Lag,
+    less,
+    parse,
+    where,
+)
 from eqt_cli.loop.linearised import flow, linearised
 
 J, STIFFNESS, DAMPING = 0.4, 2.0, 0.8

@@ -8,9 +8,8 @@ import pytest
 from pydantic import ValidationError
 
 import eqt_cli
-from eqt_cli.base.arrays import stack
-from eqt_cli.components.laws import Lee2010
 from eqt_cli.config.remarks import gains_flown
+from eqt_cli.extend import Lee2010, stack
 from eqt_cli.loop.small_errors import SAME, at_rest
 
 W, J = 0.1, np.array([6.0, 7.03, 3.0])

@@ -12,19 +12,23 @@ import numpy as np
 import pytest
 from small_loops import closed_loop
 
-from eqt_cli.base.arrays import dot
-from eqt_cli.components.actuators import Lag, Limit
-from eqt_cli.components.classic_laws import Goodarzi2013
-from eqt_cli.components.forces import ConstantForce
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, Designed, EqT, Family, controllers
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference, TorqueReference
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.engines.engine import Problem, engines
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import (
+    ConstantForce,
+    ConstantReference,
+    Gains,
+    Goodarzi2013,
+    Inertia,
+    Lag,
+    Limit,
+    SolveIvp,
+    TorqueReference,
+    dot,
+    group_named,
+)
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.signals import FORMULAS, at_state, compute

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 from eqt_cli.base.errors import InputError
-from eqt_cli.base.expressions import parse
 from eqt_cli.engines.engine import together
+from eqt_cli.extend import parse
 from eqt_cli.numbers.instants import MOST_INSTANTS, Interval, instants
 from eqt_cli.numbers.jets import series
 

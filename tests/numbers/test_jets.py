@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eqt_cli.base.arrays import FUNCTIONS, apply, cross, dot, norm, sqrt, stack, where
-from eqt_cli.base.expressions import parse
+from eqt_cli.extend import parse
 from eqt_cli.numbers.jets import Jet, series, slope, value_and_derivative
 from eqt_cli.numbers.program import traced
 

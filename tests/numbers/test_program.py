@@ -8,7 +8,7 @@ from case_tables import refusal
 
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, less, smooth_less, where
-from eqt_cli.base.expressions import parse
+from eqt_cli.extend import parse
 from eqt_cli.numbers.jets import Jet, series
 from eqt_cli.numbers.program import (
     _NUMPY,

@@ -4,8 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from eqt_cli.base.arrays import sin
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named, sin
 from eqt_cli.numbers.rounded import inverse, is_exact, product, pseudo_inverse, rounded
 
 A = np.random.default_rng(3).normal(size=(4, 6))

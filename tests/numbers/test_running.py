@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import simpson
 
-from eqt_cli.base.arrays import less
 from eqt_cli.base.errors import TraceError
+from eqt_cli.extend import Window, less
 from eqt_cli.numbers.running import (
     Memory,
     Running,
@@ -18,7 +18,6 @@ from eqt_cli.numbers.running import (
     trapezoidal_weights,
 )
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity import Window
 
 VALUES = arrays(float, st.integers(2, 9), elements=st.floats(-1e6, 1e6))
 

@@ -14,8 +14,8 @@ from small_experiment import mapping
 from eqt_cli import api
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
-from eqt_cli.base.arrays import Array
 from eqt_cli.cli.result_tables import _shares
+from eqt_cli.extend import Array
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import Latex, Plain, Window
 from eqt_cli.results.result import Result, open_result

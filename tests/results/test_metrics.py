@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.extend import SampledRuns
 from eqt_cli.results.metrics import MEASURED, QUANTITIES, settling_time
 from eqt_cli.results.quantity import WHOLE, Window
 

@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.api.loading import open_at
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.extend import SampledRuns
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import open_result
 from eqt_cli.results.summary import headline

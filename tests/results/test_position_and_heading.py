@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.matrix_groups import heading_of
+from eqt_cli.extend import group_named
 from eqt_cli.results.result import open_result
 
 RUN = (

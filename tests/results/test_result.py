@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from said import error_of, says
 
-from eqt_cli.base.stored import Status
+from eqt_cli.extend import Status
 from eqt_cli.results.quantity import SweptKey, constant_of, with_unit
 from eqt_cli.results.result import by_parts, check_stored, mean_over_runs
 from eqt_cli.results.summary import check_metrics, endings, headline

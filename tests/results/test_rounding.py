@@ -14,10 +14,10 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.base.reporting import brief, fixed, percent, significant
-from eqt_cli.base.stored import Status
 from eqt_cli.cli.output import json_text
 from eqt_cli.cli.result_tables import print_outcome
 from eqt_cli.engines.horizon import _jumps
+from eqt_cli.extend import Status
 from eqt_cli.results.quantity import in_one_form
 from eqt_cli.results.result import open_result
 from eqt_cli.results.summary import headline

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.tasks import TRACK
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.extend import SampledRuns, group_named
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.result import open_result
 from eqt_cli.results.summary import headlines

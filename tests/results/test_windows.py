@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from said import error_of
 
-from eqt_cli.base.errors import EqtError
-from eqt_cli.results.quantity import Window
+from eqt_cli.extend import EqtError, Window
 
 TIMES = np.linspace(0.0, 10.0, 11)
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Problem, Solution, Status
+from eqt_cli.extend import Problem, Solution, Status, TaskContext
 from eqt_cli.runs.batches import chosen_entries, distance
 from eqt_cli.runs.compute_part import _find_undefined, _judge, compute_part, shared_reference
-from eqt_cli.runs.executors import TaskContext
 
 NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 

@@ -9,7 +9,7 @@ import pytest
 
 from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.engines.engine import Engine
+from eqt_cli.extend import Engine
 from eqt_cli.runs import preflight
 
 

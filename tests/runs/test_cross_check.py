@@ -7,9 +7,7 @@ import pytest
 from small_experiment import mapping
 
 from eqt_cli import load_experiment
-from eqt_cli.engines.engine import Problem
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Native, Problem, SolveIvp
 from eqt_cli.runs import batches as checking
 from eqt_cli.runs.batches import batches, cross_check, independent
 

@@ -8,11 +8,9 @@ import pytest
 import yaml
 from small_experiment import WHEEL, study_of
 
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Native, SolveIvp, TaskContext
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.compute_part import compute_part, shared_reference
-from eqt_cli.runs.executors import TaskContext
 
 LAG, BOUND, READ = {"lag": 0.3}, {"limit": 0.8}, {"estimator": True}
 LOOPS = [

@@ -20,13 +20,12 @@ from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.reporting import reporting
 from eqt_cli.base.store_reader import open_results, read_arrays
 from eqt_cli.base.store_writer import write_arrays
-from eqt_cli.base.stored import Status
+from eqt_cli.extend import Executor, Serial, Status
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import compute_part, run_study
 from eqt_cli.runs import folder as result_folder
 from eqt_cli.runs.arithmetic import arithmetic
 from eqt_cli.runs.batches import batches
-from eqt_cli.runs.executors import Executor, Serial
 from eqt_cli.runs.folder import ResultFolder
 from eqt_cli.runs.lock import holder, locked
 from eqt_cli.runs.part_files import unfinished

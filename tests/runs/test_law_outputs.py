@@ -7,7 +7,7 @@ import pytest
 from plugin_sources import component
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 
 # The mode jumps with hysteresis in the first velocity; `pair` holds what a law may add.
 HYSTERESIS = component("""

@@ -16,9 +16,9 @@ from stored import of_variable_length
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.base.stored import Status
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import MOST_GROUPS, study
+from eqt_cli.extend import Status
 from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.run_study import execute
 

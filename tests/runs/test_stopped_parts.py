@@ -10,7 +10,7 @@ from small_experiment import configuration, study_of
 
 from eqt_cli.engines import native
 from eqt_cli.engines.engine import STOP, Stopped
-from eqt_cli.runs.executors import Executor, Serial, TaskContext
+from eqt_cli.extend import Executor, Serial, TaskContext
 from eqt_cli.runs.part_files import unfinished
 from eqt_cli.runs.run_study import execute
 

@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.base import yaml_source
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import Designed, controllers
 from eqt_cli.config.document import Document, Place
 from eqt_cli.config.preflight import build
+from eqt_cli.extend import Problems, group_named
 from eqt_cli.extensions.firmware.export import files
 from eqt_cli.extensions.firmware.export_laws import exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from eqt_cli.base.store_reader import open_results, read_arrays
-from eqt_cli.runs.executors import Executor, Outcome, Serial, Task
+from eqt_cli.extend import Executor, Outcome, Serial, Task
 from eqt_cli.runs.folder import ResultFolder
 
 START = "from eqt_cli.cli import main; main()"

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 
 
 def sections_of(line):

@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.laws import EqT
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import TorqueReference
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.extend import ClosedLoop, EqT, Gains, Inertia, TorqueReference, parse
 
 TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"] * 9
 """Of the paper, on any group."""

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_intact_file
 from eqt_cli.base.store_reader import open_results
+from eqt_cli.extend import EqtError
 
 CONFIG = """
 group: SO3

@@ -28,7 +28,6 @@ from typer.main import get_command
 import eqt_cli
 import eqt_cli.api.running
 import eqt_cli.extensions.report.document  # before anything that these import is replaced
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import (
     CONFIG_MARK,
     FIGURES,
@@ -41,6 +40,7 @@ from eqt_cli.base.files import (
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.config import study as studies
+from eqt_cli.extend import EqtError
 from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
 from eqt_cli.runs.folder import FILES, PLUGINS, RERUN, RESULT_ENTRIES
 from eqt_cli.runs.lock import LOCK, holder, locked

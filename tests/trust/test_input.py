@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import TEXT_BYTES, content_of, open_regular, read_record, text_of
 from eqt_cli.base.store_reader import open_results
+from eqt_cli.extend import EqtError
 from eqt_cli.runs.part_files import unfinished
 
 SECRET = "hunter2 5f4dcc3b\nroot:x:0:0\nbase64 b3BlbnNzaC1rZXk\n"

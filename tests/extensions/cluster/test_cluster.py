@@ -17,7 +17,7 @@ import pytest
 from plugin_sources import component
 
 from eqt_cli.base.errors import EqtError, EqtWarning
-from eqt_cli.base.stored import Status
+from eqt_cli.extend import Status
 from eqt_cli.extensions.cluster import executors
 from eqt_cli.extensions.cluster.executors import Dask, Parsl
 from eqt_cli.runs.executors import MOST_TRIES, Outcome

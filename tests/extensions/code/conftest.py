@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
 from eqt_cli.engines import compiler
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.firmware.code_rows import code_rows
 from eqt_cli.extensions.firmware.export import header, source
 from eqt_cli.extensions.firmware.export_laws import exported

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import InputError, Problems, TraceError
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import controllers
-from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.extend import Gains, Inertia, Tracking, group_named
 from eqt_cli.extensions.firmware.controllers import Code
 from eqt_cli.numbers.leaves import with_fields
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from small_loops import closed_loop
 
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
-from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.extend import Gains, group_named
 from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained
 
 OTHER = pytest.mark.ci("SE(3) has what they have")

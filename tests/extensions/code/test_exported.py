@@ -12,8 +12,7 @@ from exported_laws import FLAGS, compilers
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base import yaml_source
-from eqt_cli.base.errors import EqtError
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import EqtError, group_named
 from eqt_cli.extensions.firmware.controllers import Adapter, Signal
 
 

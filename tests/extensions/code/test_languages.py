@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.firmware import code_rows, guests
 from eqt_cli.extensions.firmware.controllers import Signal
 

@@ -13,9 +13,8 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import EqtWarning
-from eqt_cli.base.stored import Status
+from eqt_cli.extend import Auto, Local, Serial, Status, Threads
 from eqt_cli.extensions.firmware import guests
-from eqt_cli.runs.executors import Auto, Local, Serial, Threads
 
 RUNS, LOST = 10, 3
 OVER = {

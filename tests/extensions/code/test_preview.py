@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 
 STEPS, EVERY, PERIOD = 3, 0.1, 0.02
 PATH = {"kind": "path", "factors": [{"axis": "wz", "by": "0.8*sin(0.8*t)"}]}

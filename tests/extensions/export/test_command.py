@@ -13,7 +13,7 @@ from exported_laws import FLAGS, checked, compilers, library, made, written
 from said import says
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.firmware.export_laws import exported
 from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT
 

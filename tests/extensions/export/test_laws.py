@@ -13,9 +13,6 @@ from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, libra
 from said import says
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
-from eqt_cli.base.registry import load_plugin
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.thrusters import Priority, Thrusters
 from eqt_cli.config.study import Study
@@ -23,6 +20,7 @@ from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
 from eqt_cli.engines.library import Rows
 from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, programs
+from eqt_cli.extend import EqtError, group_named, load_plugin
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS

@@ -17,12 +17,7 @@ from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.laws import LinearPlant
-from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.engines.engine import Problem
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Gains, Inertia, LinearPlant, Problem, SolveIvp, Tracking, group_named
 from eqt_cli.extensions.laws.lqr import Eqr, _Design
 from eqt_cli.runs.law_names import law_names
 

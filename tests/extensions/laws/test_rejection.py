@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, expm
 from scipy.signal import butter
 
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components.laws import Controller
+from eqt_cli.extend import Controller
 
 T, LAG, CUTOFF, RATE = 0.002, 0.05, 20.0, 88.9
 SUBSTEPS = 8  # of 0.25 ms; halving them changes V by less than 1e-11

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import eqt_cli
-from eqt_cli.components.matrix_groups import SE3
+from eqt_cli.extend import SE3
 
 pytest.importorskip("onnx", reason="needs the extra network")
 LEARNED = Path(__file__).parents[3] / "examples" / "learned"

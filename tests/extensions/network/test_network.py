@@ -13,7 +13,7 @@ from small_experiment import mapping
 import eqt_cli
 from eqt_cli.base.errors import InputError
 from eqt_cli.engines import native
-from eqt_cli.engines.engine import Integrator
+from eqt_cli.extend import Integrator
 from eqt_cli.extensions.network.network import Emitted, bare_source, call, function_of
 from eqt_cli.extensions.network.reader import network_of, network_text
 

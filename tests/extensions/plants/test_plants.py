@@ -9,9 +9,9 @@ import pytest
 import yaml
 from case_tables import from_yaml, in_ci
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.firmware import plant_verdict
 
 HERE = Path(__file__).parent

@@ -10,13 +10,17 @@ import pytest
 from said import says
 from small_loops import any_matrix, closed_loop, constant, expressions
 
-from eqt_cli.base.arrays import dot, tanh
-from eqt_cli.components.classic_laws import Goodarzi2013
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, PrescribedInertia
 from eqt_cli.components.laws import Controller, EqT, Family, controllers
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.extend import (
+    ConstantReference,
+    Gains,
+    Goodarzi2013,
+    TorqueReference,
+    dot,
+    group_named,
+    tanh,
+)
 from eqt_cli.extensions.proofs.certificates import (
     STATES_PER_RTOL,
     Runs,

@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from threadpoolctl import threadpool_limits
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.proofs.certified import affine
 from eqt_cli.loop.linearised import linearised
 

@@ -10,17 +10,22 @@ import numpy as np
 import pytest
 from small_loops import closed_loop, expressions
 
-from eqt_cli.base.arrays import dot, norm, sqrt
-from eqt_cli.base.expressions import parse
-from eqt_cli.components.classic_laws import Goodarzi2013, Sliding
-from eqt_cli.components.forces import Drag
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.components.laws import EqT, Family, controllers
-from eqt_cli.components.matrix_groups import VectorGroup
 from eqt_cli.components.mechanics import Gains, Semidirect, Tracking
-from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.extend import (
+    ConstantReference,
+    Drag,
+    Goodarzi2013,
+    Sliding,
+    VectorGroup,
+    dot,
+    group_named,
+    norm,
+    parse,
+    sqrt,
+)
 from eqt_cli.extensions.proofs import sample as proof
 from eqt_cli.extensions.proofs.certificates import Identity, LiteralForm, Verdict, certificates
 from eqt_cli.extensions.proofs.exact import Ledger, difference, free, noting

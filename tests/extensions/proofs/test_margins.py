@@ -14,13 +14,9 @@ import yaml
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.arrays import Array, stack
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components.laws import Lee2010
-from eqt_cli.components.mechanics import Tracking
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.engines.engine import Problem
-from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extend import Array, Lee2010, Problem, SolveIvp, Tracking, stack
 from eqt_cli.extensions.proofs import margins as searched
 from eqt_cli.extensions.proofs.margins import (
     LARGEST_FACTOR,

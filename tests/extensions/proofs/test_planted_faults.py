@@ -15,23 +15,27 @@ import numpy as np
 import pytest
 from case_tables import in_ci
 
-from eqt_cli.base.arrays import apply_matrix, transpose
 from eqt_cli.components import inertia as critical_points
 from eqt_cli.components import mechanics, motions
-from eqt_cli.components.classic_laws import Stabilising
-from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import CriticalSet, FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.components.laws import Family, controllers
-from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.mechanics import Semidirect, Tracking, lie_poisson
 from eqt_cli.components.references import MovingReference
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extend import (
+    ClosedLoop,
+    EuclideanGroup,
+    MatrixLieGroup,
+    ProductGroup,
+    Stabilising,
+    apply_matrix,
+    transpose,
+)
 from eqt_cli.extensions.proofs import identities
 from eqt_cli.extensions.proofs.certificates import Verdict
 from eqt_cli.extensions.proofs.verification import verify_experiment
-from eqt_cli.loop.closed_loop import ClosedLoop
 
 SHORT = ["time.duration=0.5", "time.samples=6", "ensemble.runs=2"]
 

@@ -10,12 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from small_experiment import configuration, study_of
 
-from eqt_cli.base.errors import EqtError
-from eqt_cli.base.stored import Status
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import critical_sets
 from eqt_cli.components.tasks import TRACK, Point
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import EqtError, Native, Status, group_named
 from eqt_cli.extensions.proofs.certificates import Verdict
 from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.linearised import growth, linearised

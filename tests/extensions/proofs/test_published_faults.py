@@ -10,10 +10,8 @@ from typing import ClassVar
 import numpy as np
 from small_loops import closed_loop
 
-from eqt_cli.base.arrays import apply_matrix
-from eqt_cli.components.classic_laws import Goodarzi2013, Logarithmic
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import Lee2010, Lee2012, controllers
+from eqt_cli.extend import Goodarzi2013, Logarithmic, apply_matrix, group_named
 from eqt_cli.extensions.proofs.certificates import Verdict, identity_rows
 from eqt_cli.extensions.proofs.sample import sampled
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, frobenius, inverse_spd, maximum, norm
-from eqt_cli.base.expressions import parse
+from eqt_cli.extend import parse
 from eqt_cli.extensions.proofs.exact import Bounded, discrepancy, lifted, rate_of, value_of
 from eqt_cli.numbers.jets import slope
 

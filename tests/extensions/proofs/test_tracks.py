@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.components.laws import EqT, Lee2010
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extend import EqT, Lee2010
 from eqt_cli.extensions.proofs.certificates import Runs, Verdict
 from eqt_cli.extensions.proofs.run_checks import Fifths, Tracks
 from eqt_cli.extensions.proofs.verification import verify_experiment

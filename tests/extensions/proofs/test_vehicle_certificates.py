@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from eqt_cli.components import blocks
-from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
+from eqt_cli.extend import Noise
 from eqt_cli.extensions.proofs.certificates import Runs, VehicleRuns, Verdict
 from eqt_cli.extensions.proofs.run_checks import (
     MomentumBalance,

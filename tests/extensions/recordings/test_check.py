@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning, InputError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TimeMapping
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.logs import check_text
 from eqt_cli.extensions.recordings.recording import read_log
 from eqt_cli.extensions.recordings.recording_check import recording_of

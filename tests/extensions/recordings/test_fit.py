@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.propellers import Propellers
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import build
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.prediction import Replay, by_rotors
 from eqt_cli.extensions.recordings.recording import read_log
 from eqt_cli.extensions.recordings.recording_check import LogReference, recording_of

@@ -12,8 +12,8 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping, TimeMapping, read_starts
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.logs import check_text
 from eqt_cli.extensions.recordings.recording import read_log
 from eqt_cli.extensions.recordings.recording_check import notes

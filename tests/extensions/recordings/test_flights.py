@@ -12,7 +12,7 @@ from said import says
 from scipy import stats
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.recordings import api, flights
 from eqt_cli.extensions.recordings.api import compare_flights
 from eqt_cli.extensions.recordings.flights import difference, permutation_test

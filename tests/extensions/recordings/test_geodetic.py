@@ -5,7 +5,7 @@ import pytest
 from said import error_of
 
 import eqt_cli
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.api import read_measured
 from eqt_cli.extensions.recordings.geodetic import Point, ecef, local
 

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError, InputError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import through
 from eqt_cli.components.pose_tables import LogMapping, TimeMapping
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.measured import Course, aligned, explained, measured_runs
 from eqt_cli.extensions.recordings.recording import read_log
 from eqt_cli.extensions.recordings.recording_check import Recording, recording_of

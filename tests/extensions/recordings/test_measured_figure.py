@@ -8,8 +8,7 @@ from case_tables import from_yaml
 from said import says
 
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import EqtError
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import EqtError, group_named
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.render import curves

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from eqt_cli.base.errors import Problems
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import (
     LogMapping,
     plain_poses,
@@ -12,7 +10,7 @@ from eqt_cli.components.pose_tables import (
     read_starts,
     velocity_columns,
 )
-from eqt_cli.components.waypoints import WaypointsReference
+from eqt_cli.extend import Problems, WaypointsReference, group_named
 from eqt_cli.extensions.recordings import recording, recording_check
 
 GROUPS = ("SO2", "SO3", "SE2", "SE3", "SE23", "R3", "SE3*SO2")

@@ -9,7 +9,6 @@ from said import says
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import InputError, Problems
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import (
     LogMapping,
     MappingError,
@@ -18,6 +17,7 @@ from eqt_cli.components.pose_tables import (
     pose_columns,
     read_starts,
 )
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.logs import check_text
 from eqt_cli.extensions.recordings.recording import read_log, recorded_columns
 from eqt_cli.extensions.recordings.recording_check import recording_of

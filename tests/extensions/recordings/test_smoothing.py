@@ -6,7 +6,7 @@ from said import says
 from scipy.interpolate import make_smoothing_spline
 
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.smoothing import MATCHED, _Bending, smoothed
 
 RNG = np.random.default_rng(0)

@@ -12,7 +12,7 @@ from case_tables import refusal
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
-from eqt_cli.components.groups import group_named
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings.api import read_measured
 
 T = 0.1 * np.arange(30)

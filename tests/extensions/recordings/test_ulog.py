@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, InputError
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.recordings import logs
 from eqt_cli.extensions.recordings.logs import check_text, flight_of
 from eqt_cli.extensions.recordings.recording import read_log

@@ -12,7 +12,7 @@ from small_experiment import mapping
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import EqtError
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, discs
 from eqt_cli.extensions.report.document import animation
 from eqt_cli.extensions.report.scenes import (

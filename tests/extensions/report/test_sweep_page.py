@@ -6,8 +6,8 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.maps import extreme_points
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import significant
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.report.document import report
 from eqt_cli.extensions.report.summary import point_table
 

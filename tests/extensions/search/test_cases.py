@@ -13,12 +13,12 @@ from said import error_of, mentions
 from eqt_cli import api
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.extend import Forest
 from eqt_cli.extensions.report.document import report
 from eqt_cli.extensions.search.fronts import Population, Scores, held_out
 from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.extensions.search.tables import tuning_answer, tuning_tables
 from eqt_cli.extensions.search.tune import Search
-from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.results.result import open_result
 
 WHEEL = small_experiment.WHEEL | {

@@ -7,8 +7,8 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.api.loading import document_from
+from eqt_cli.extend import Local
 from eqt_cli.extensions.search.tune import Search
-from eqt_cli.runs.executors import Local
 
 CONFIG = mapping(
     name="named",

@@ -12,11 +12,11 @@ from stored import of_variable_length
 from eqt_cli import api
 from eqt_cli.analysis.maps import RULE
 from eqt_cli.api.comparing import compare
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import write_record
 from eqt_cli.base.reporting import Block, Reporter, TextTable, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.document import document_of
+from eqt_cli.extend import EqtError
 from eqt_cli.extensions.search.fronts import Constraint, scores
 from eqt_cli.extensions.search.record import fits_tuning
 from eqt_cli.extensions.search.tables import _notes, _ranking, tuning_answer, tuning_tables

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.vehicle_parts import Uniform
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.spacecraft.gyros import Gyros
 from eqt_cli.loop.linearised import linearised
 

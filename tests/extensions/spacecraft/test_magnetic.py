@@ -10,9 +10,8 @@ from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.groups import group_named
 from eqt_cli.config.remarks import remarks
-from eqt_cli.engines.native import Native
+from eqt_cli.extend import Native, group_named
 from eqt_cli.extensions.spacecraft.magnetic import Magnetorquers, Orbit
 
 J = np.diag([0.042, 0.040, 0.0067])

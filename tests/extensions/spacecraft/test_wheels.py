@@ -14,9 +14,9 @@ from scipy.optimize import linprog
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.groups import group_named
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.config.remarks import along_reference, limits_below_reference, wheels_needed
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.spacecraft.wheels import Bias, Friction, Wheels
 
 INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
