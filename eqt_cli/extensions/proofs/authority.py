@@ -90,7 +90,7 @@ class Members:
         from scipy.optimize import linprog  # slow to import
 
         B, (low, high) = self.columns, self.limits(failed)
-        sizes, ends = norm(B), np.zeros((len(B), 2))
+        sizes, ends = np.abs(B).max(axis=1), np.zeros((len(B), 2))
         for k, sense in np.ndindex(ends.shape):
             sign, others = 2 * sense - 1, np.arange(len(B)) != k
             best = linprog(
@@ -158,7 +158,8 @@ def members_of(experiment: Experiment) -> Iterator[Members]:
             continue
         if not np.isfinite(w := _held(experiment)).all():
             return
-        spans = norm(directions @ B) > NOTHING * norm(B).max()
+        # By the largest entries, since squares may be too large for a float.
+        spans = np.abs(directions @ B).max(axis=1) > NOTHING * np.abs(B).max()
         held = directions @ w
         if pushes and G.translation is not None:  # the body turns until its push holds the force
             held[-1] = norm(w[G.translation.axes])

@@ -87,7 +87,7 @@ def _of_another_unit(experiment: Experiment) -> Placed:
             continue
         low, high = each.limits(failed=False)
         pushes = np.asarray(each.part.matrix) * np.maximum(np.abs(low), np.abs(high))
-        rates = norm(each.wanted @ inverse @ pushes)
+        rates = np.hypot.reduce(each.wanted @ inverse @ pushes, axis=-1)  # squares may overflow
         for name, rate in zip(each.names, rates, strict=True):
             most = FASTEST[name.partition(" ")[0]]
             if rate > most:
