@@ -208,6 +208,12 @@ satellite_wheels() {
 	picture commands commands --option run=1 --to 20
 }
 
+satellite_failures() {
+	experiment satellite_failures configs/satellite_breaks.yaml --engine native --set store.trajectories=none
+	numbers failures --width page
+	picture satellite_failures failures --width page
+}
+
 satellite_breaks() {
 	sweep satellite_breaks configs/satellite_breaks.yaml --engine native --set ensemble.runs=100 \
 		--set store.trajectories=none --grid "initial.pose.angle=30 deg,90 deg,150 deg,180 deg" \
@@ -257,7 +263,7 @@ fi
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
 	all=(provable fronts se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
-		satellite_breaks quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
+		satellite_breaks satellite_failures quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family quadrotor_recovery)
 elif [ $# = 0 ]; then
 	echo "there is no C compiler: the other experiments are left out"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,11 +30,12 @@ def show(
     plugins: Annotated[bool, options.option("--plugins")] = False,
     variables: Annotated[bool, options.option("--variables")] = False,
     failed: Annotated[bool, options.option("--failed")] = False,
+    failures: Annotated[bool, options.option("--failures")] = False,
     table: Annotated[str | None, options.option("--table", known=TABLES)] = None,
     format_: Annotated[str | None, options.option("--format", known=FORMATS)] = None,
     export: Annotated[Path | None, options.option("--export")] = None,
     controller: options.Controllers = None,
-    run: Annotated[int, options.option("--run")] = 0,
+    run: Annotated[int | None, options.option("--run")] = None,
     point: options.Point = None,
     unit: options.Units = None,
     json: options.Json = False,
@@ -47,25 +49,34 @@ def show(
         --plugins  Print the stored plugin sources.
         --variables  List the variables.
         --failed  List all failed runs.
+        --failures  Say where laws fail: which drawn numbers tell their bad runs from the others.
         --table NAME  Print a table, one row per run: metrics of every run, or unsettled, the
             initial states of runs that did not settle, as initial.file takes them.
     A run as a file
         --export FILE  Write a run for other programs: .csv, .tum (evo), .mat, or .mcap (Foxglove,
             PlotJuggler, Rerun, ros2 bag play), which holds all laws and the reference.
         --controller NAME  Law in the file, or reference. Default: the first one. Repeatable for
-            .mcap.
-        --run K  Number of the run.
+            .mcap. Of --run and --failures: one of their laws. Default: all.
+        --run K  Number of the run. Without --export, what it drew and how it ended.
     Output
         --format NAME  Format of --table: csv, jsonl or parquet. Default: csv.
     """
     if format_ and not table:
         raise EqtError("--format: applies to --table only; --json prints the rest for programs")
-    if (controller or run) and not export:
-        raise EqtError("--controller, --run: apply to --export only")
-    if export and (table or json or config or plugins or variables or failed):
-        raise EqtError("--export: writes a file and prints no table; leave the other options out")
-    views = (config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed)
+    laws, is_of_runs = controller or [], failures or run is not None
+    if laws and not (export or is_of_runs):
+        raise EqtError("--controller: applies to --export, --run and --failures only")
+    views = (
+        (config, _config),
+        (plugins, _plugins),
+        (variables, _variables),
+        (failed, _failed),
+        (failures, partial(_by_extension, "--failures", (laws,))),
+        (run is not None and not export, partial(_by_extension, "--run", (run, laws))),
+    )
     view = next((view for flag, view in views if flag), None)
+    if export and (table or json or view):
+        raise EqtError("--export: writes a file and prints no table; leave the other options out")
     if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table or export):
         from eqt_cli.runs.part_files import unfinished
 
@@ -85,8 +96,8 @@ def show(
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:
-            function_for("show --export")(opened, export, controller or [], run)
-            output.say(f"run {run} is in {export}")
+            function_for("show --export")(opened, export, laws, run or 0)
+            output.say(f"run {run or 0} is in {export}")
         elif table:
             print_table(results, table, format_ or FORMATS[0])
         else:
@@ -158,6 +169,10 @@ def _summary(results: Result, json: bool) -> None:
         output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
         return
     print_outcome(results, heading)
+
+
+def _by_extension(option: str, arguments: tuple[object, ...], results: Result, json: bool) -> None:
+    function_for(f"show {option}")(results, *arguments, json=json)
 
 
 def _config(results: Result, json: bool) -> None:

@@ -30,6 +30,7 @@ from eqt_cli.base.errors import (
     Remedy,
     dotted,
 )
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
@@ -524,11 +525,11 @@ def new_result_file(study: Study, path: Path) -> AbstractContextManager[Assembly
     """Open the result file of points of one shape for writing; it appears when the block ends."""
     coords = coordinates(study.base, study.trajectories) | swept_coordinates(study)
     if study.whole is None:
-        return _assembled(study, path, coords, blanks(study) | _laws(study))
+        return _assembled(study, path, coords, blanks(study) | _laws(study) | _further(study))
     assert study.sweep is not None
     points, about = np.array(study.sweep.points), {"long_name": "number of the point in the sweep"}
     coords[POINT] = Variable((POINT,), points, about)
-    return _assembled(study, path, coords, blanks(study))
+    return _assembled(study, path, coords, blanks(study) | _further(study))
 
 
 def write_index(study: Study, path: Path, attributes: Mapping[str, Attribute]) -> None:
@@ -566,6 +567,12 @@ def _laws(study: Study) -> dict[str, Variable]:
     if laws is None:
         return {}
     return {LAW: Variable((POINT, "controller"), laws, meaning)}
+
+
+def _further(study: Study) -> dict[str, Variable]:
+    """Return the variables that extensions add."""
+    of_extensions = functions_for("variables of a result")
+    return {name: x for variables in of_extensions for name, x in variables(study).items()}
 
 
 def _assembled(

@@ -125,8 +125,8 @@ class _Mjcf:
             names = ", ".join(model.body(b).name or f"body {b}" for b in free)
             if not free:
                 raise EqtError(
-                    f"{where}: no body has a <freejoint/>, so that none moves; add it to that of "
-                    "the vehicle"
+                    f"{where}: no body has a <freejoint/>, so that none moves; add a <freejoint/> "
+                    "to the body of the vehicle"
                 )
             raise EqtError(
                 f"{where}: {len(free)} bodies are free ({names}); leave others out: --without"

@@ -195,8 +195,8 @@ def _add_numbered(v: Vehicle, rotor: Rotor, element: Element, tag: str) -> None:
     for other in v.rotors:
         if rotor.command and rotor.command == other.command:
             raise EqtError(
-                f"{element.place}: {rotor.command} of {rotor.name} is that of {other.name}, too "
-                f"({other.place}); give each its own"
+                f"{element.place}: {rotor.name} has {rotor.command}, as {other.name} has "
+                f"({other.place}); give each motor another number"
             )
     v.rotors.append(rotor)
 
@@ -207,9 +207,9 @@ def _check_signs(v: Vehicle) -> None:
     up = [rotor for rotor in v.rotors if rotor.k is not None and rotor.k > 0]
     if down and up:
         raise EqtError(
-            f"{down[0].place}: motorConstant of {down[0].name} is {down[0].k:g}, that of "
-            f"{up[0].name} {up[0].k:g} ({up[0].place}): they push against each other; correct the "
-            "sign, or turn the link of a rotor that pushes down"
+            f"{down[0].place}: motorConstant of {down[0].name} is {down[0].k:g}, but "
+            f"{up[0].name} has {up[0].k:g} ({up[0].place}), so that they push against each other; "
+            "correct the sign, or turn the link of a rotor that pushes down"
         )
     for rotor in down:
         rotor.k, rotor.along = abs(rotor.k or 0.0), -rotor.along

@@ -1,0 +1,132 @@
+"""Figure `failures`: bad runs among the others, over the two numbers that tell most."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+
+from eqt_cli.extensions.failures.finding import BadRuns, Finding, Known, of_result
+from eqt_cli.extensions.failures.views import answer
+from eqt_cli.figures.figure import Figure
+from eqt_cli.figures.labels import free_text, in_words
+from eqt_cli.figures.layout import add_legend, add_title, blank_sheet, open_frame, rows_of
+from eqt_cli.figures.shown import Ensemble, ShownControllers
+from eqt_cli.figures.style import Width, ink, line_style
+from eqt_cli.results.result import Result
+
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 4}
+_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 2.6}
+_CHARACTERS = 34
+"""Most characters of the label of an axis."""
+
+
+class ShownFailures(ShownControllers):
+    """The bad runs of each law, and what tells them from the others.
+
+    Attributes
+    ----------
+    answers
+        Bad runs and findings of each law, in the order of `ensembles`.
+    """
+
+    answers: list[tuple[BadRuns, list[Finding]]]
+
+    def notes(self) -> list[str]:
+        """Return what tells the bad runs of each law from the others."""
+        (result,) = self.results
+        return [f"{answer(result, law, rows)}." for law, rows in self.answers] + self.remarks
+
+
+@dataclass(frozen=True)
+class Failures(Figure[ShownFailures]):
+    """Where laws fail: each run over the two numbers that tell bad runs from the others most.
+
+    Bad runs are those that failed or did not settle; where these are fewer than five, the worst
+    tenth. The numbers are those that were drawn for a run, and the errors at its start. A dotted
+    line is where the first of them parts bad runs from the others best, if the rank test finds it.
+
+    Attributes
+    ----------
+    x, y
+        The numbers on the axes, such as plant.inertia.relative. Default: those that tell most.
+    """
+
+    name: ClassVar[str] = "failures"
+
+    x: str = ""
+    y: str = ""
+
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownFailures:
+        """Return the bad runs of the laws of one result."""
+        result = self._only(results, "result")
+        shown = ShownFailures([result], self.name, self.chosen)
+        laws = [ensemble.law for ensemble in shown.ensembles]
+        shown.answers = of_result(result, laws, f"figure '{self.name}'")
+        return shown
+
+    def compose(self, shown: ShownFailures, width: Width) -> Drawing:
+        """Draw a panel for each law."""
+        laws = shown.ensembles
+        mosaic = rows_of([law.label for law in laws], min(len(laws), _COLUMNS[width]))
+        drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
+        for ensemble, (law, rows) in zip(laws, shown.answers, strict=True):
+            panel = panels[ensemble.label]
+            if len(laws) > 1:
+                add_title(panel, ensemble.title)
+            self._fill(panel, shown, ensemble, law, rows)
+        look: dict[str, Any] = {"linestyle": "none", "color": ink()}
+        handles = [Line2D([], [], marker="x", **look), Line2D([], [], marker=".", **look)]
+        add_legend(drawing, handles, [" or ".join(_kinds(shown)), "other runs"])
+        return drawing
+
+    def _fill(
+        self,
+        panel: Axes,
+        shown: ShownFailures,
+        ensemble: Ensemble,
+        law: BadRuns,
+        rows: Sequence[Finding],
+    ) -> None:
+        """Draw the runs of a law."""
+        known = {row.known.name: row.known for row in rows}
+        for option, name in (("x", self.x), ("y", self.y)):
+            if name and name not in known:
+                raise shown.error(f"{option}: no number '{name}'; there are: {', '.join(known)}")
+        wanted = [name for name in (self.x, self.y) if name]
+        free = (name for name in known if name not in wanted)
+        names = [self.x or next(free, ""), self.y or next(free, "")]
+        axes = [known[name] for name in names if name]
+        first = axes[0]
+        # One number alone is drawn over the number of the run.
+        second = axes[1] if len(axes) > 1 else Known("run", "1", shown.results[0]["run"])
+        colour = line_style(ensemble.look)["color"]
+        for runs, mark, tint, size in ((law.others, ".", ink(0.35), 3), (law.bad, "x", colour, 4)):
+            panel.plot(
+                first.values[runs],
+                second.values[runs],
+                mark,
+                color=tint,
+                markersize=size,
+                label=f"{ensemble.label}, {'bad runs' if mark == 'x' else 'others'}",
+            )
+        row = next(row for row in rows if row.known is first)
+        if row.telling and row.way in ("high", "low"):
+            name = f"{ensemble.label}, cut"
+            panel.axvline(row.cut, linestyle=":", color=colour, linewidth=1, label=name)
+        panel.margins(0.05)
+        panel.set_xlabel(_label(first))
+        panel.set_ylabel(_label(second))
+        open_frame(panel)
+
+
+def _label(known: Known) -> str:
+    words = free_text(known.name, _CHARACTERS)
+    return words if known.unit in ("", "1") else in_words(words, known.unit)
+
+
+def _kinds(shown: ShownFailures) -> list[str]:
+    """Return what is bad about the runs, of all laws."""
+    return list(dict.fromkeys(law.words for law, _ in shown.answers))
