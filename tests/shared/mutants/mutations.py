@@ -28,7 +28,9 @@ CORE = (
     "extensions/firmware/c_headers.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/user_code.py",
+    "extensions/laws",
     "extensions/recordings/smoothing.py",
+    "extensions/spacecraft",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""
 
