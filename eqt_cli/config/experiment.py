@@ -213,6 +213,8 @@ class Experiment:
         )
         if config.plant and config.plant.forces and config.model and config.model.forces:
             complete["model"] = self.document.data["model"]  # as it is written, as in all digests
+        if config.gains:
+            complete["gains"] = sections.kp_and_kd(config.gains, self.group, Problems())
         return complete | {
             **self.desired.resolved,
             "controllers": [law.resolved | {"label": name} for name, law in self.laws.items()],
@@ -418,7 +420,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         calls = config.solver.is_auto or not isinstance(config.solver.engine, Compiled)
         for law in laws.values():
             sections.check_calls(law.law, calls, problems.at("controllers", law.index))
-    config, gains = gains_of(config, laws, G, problems)
+    gains = gains_of(config, laws, G, problems)
     problems.raise_if_any()
     assert desired
     assert inertia
@@ -550,14 +552,13 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
 
 def gains_of(
     config: Config, laws: Mapping[str, Law], G: MatrixLieGroup, problems: Problems
-) -> tuple[Config, dict[str, Gains]]:
-    """Return the gains of every law, and the configuration with the section as `kp` and `kd`."""
+) -> dict[str, Gains]:
+    """Return the gains of every law, by label."""
     here = problems.at("gains")
     section = sections.kp_and_kd(config.gains, G, here)
     if config.gains is not None:
         for name in [] if here else {"kp", "kd"} - section.keys():
             here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
-        config = config.model_copy(update={"gains": GainsSection.model_construct(**section)})
     elif any(law.law.reads_gains and len(law.gains) < 2 for law in laws.values()):
         here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
     shared = cache(partial(sections.gains_from, section, G, here))
@@ -574,7 +575,7 @@ def gains_of(
             gains = shared(axes) or (None if law.law.reads_gains else _unread_gains(G))
         if gains is not None:
             by_label[label] = gains
-    return config, by_label
+    return by_label
 
 
 def _gains_of_inner(law: Law, group: MatrixLieGroup, axes: Any, problems: Problems) -> Gains | None:
