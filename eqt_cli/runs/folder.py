@@ -337,45 +337,66 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     ComponentError
         If a metric of the user's own has the name of another variable.
     """
-    quantities, group = list[Measure](), experiment.group
     vehicle = experiment.loop.vehicle
+    formulas = formulas_of(vehicle)
     # Points whose actuators show other signals have different shapes.
-    formulas, shown = formulas_of(vehicle), [x for x in vehicle.shows.values() if x.words]
-    rows = *QUANTITIES.values(), *map(over_time, shown), *map(own_row, experiment.metrics)
-    for quantity in rows:
-        signal = formulas.get(quantity.signals[0]) if quantity.signals else None
-        stored_of = quantity.stored_of
-        if signal and quantity.per is ValuePer.TRAJECTORY:
-            quantity, stored_of = replace(quantity, long_name=signal.long_name), signal.stored_of
-        if not (
-            quantity.stored
-            and any(map(stored_of, vehicles or [vehicle]))
-            and _exists(quantity, group)
-        ):
-            continue
-        others = {each.name for each in quantities} | {x.name for x in derived(group, "ZYX")}
-        if quantity.name in RESERVED | others and (quantity.is_own or "symbol" in quantity.notes):
-            kind = "metric" if quantity.is_own else "signal of an actuator"
-            raise ComponentError(
-                f"{kind} '{quantity.name}': results have a number of this name; rename yours"
-            )
-        quantity = with_keys_of(experiment.config, quantity)
-        notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        laws = [loop.controller for loop in experiment.loops.values()]
-        if signal and not any(map(signal.exists_for, experiment.loops.values())):
-            continue
-        if OUTPUT in quantity.dims and not outputs_of_laws(experiment):
-            continue
-        units = quantity.unit(
-            _unit_of(quantity.signals[0], laws, group, formulas) if quantity.signals else ""
+    shown = [over_time(signal) for signal in vehicle.shows.values() if signal.words]
+    variables = list[Measure]()
+    for row in (*QUANTITIES.values(), *shown, *map(own_row, experiment.metrics)):
+        signal = formulas.get(row.signals[0]) if row.signals else None
+        if _is_stored(row, signal, experiment, vehicles or [vehicle]):
+            _check_name(row, variables, experiment.group)
+            variables += _variables(row, signal, experiment, formulas)
+    return variables
+
+
+def _is_stored(
+    row: Measure, signal: LoopSignal | None, experiment: Experiment, vehicles: Sequence[Vehicle]
+) -> bool:
+    """Whether the result has this row of the table, which may be of a signal."""
+    stored_of = row.stored_of
+    if signal and row.per is ValuePer.TRAJECTORY:
+        stored_of = signal.stored_of
+    if not (row.stored and any(map(stored_of, vehicles)) and _exists(row, experiment.group)):
+        return False
+    if signal and not any(map(signal.exists_for, experiment.loops.values())):
+        return False
+    return OUTPUT not in row.dims or bool(outputs_of_laws(experiment))
+
+
+def _check_name(row: Measure, others: Iterable[Measure], group: MatrixLieGroup) -> None:
+    """Refuse a metric of the user's own, or a signal of an actuator, with a name that is taken."""
+    taken = RESERVED | {x.name for x in others} | {x.name for x in derived(group, "ZYX")}
+    if row.name in taken and (row.is_own or "symbol" in row.notes):
+        kind = "metric" if row.is_own else "signal of an actuator"
+        raise ComponentError(
+            f"{kind} '{row.name}': results have a number of this name; rename yours"
         )
-        quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
-        if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
-            quantities += [
-                replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
-                for part in _separate_parts(quantity, signal, group)
-            ]
-    return quantities
+
+
+def _variables(
+    row: Measure,
+    signal: LoopSignal | None,
+    experiment: Experiment,
+    formulas: Mapping[str, LoopSignal],
+) -> Iterator[Measure]:
+    """Yield the variable of a row, in its unit, and those of the parts that stand beside it."""
+    config, group, is_over_time = (
+        experiment.config,
+        experiment.group,
+        row.per is ValuePer.TRAJECTORY,
+    )
+    if signal and is_over_time:
+        row = replace(row, long_name=signal.long_name)
+    row, unit = with_keys_of(config, row), ""
+    notes = {name: getattr(config, key) for name, key in row.settings.items()}
+    if row.signals:
+        laws = [loop.controller for loop in experiment.loops.values()]
+        unit = _unit_of(row.signals[0], laws, group, formulas)
+    yield replace(row, units=row.unit(unit), notes={**row.notes, **notes})
+    if signal and (is_over_time or row.stored_by_part):
+        for part in _separate_parts(row, signal, group):
+            yield replace(row.part(part.name), units=row.unit(signal.unit_in(part)))
 
 
 def own_row(metric: Metric) -> Measure:
