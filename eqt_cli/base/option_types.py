@@ -16,7 +16,7 @@ from fractions import Fraction
 from functools import cache, lru_cache, reduce
 from operator import getitem
 from pathlib import PurePath
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -326,17 +326,6 @@ Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
 """The length of a horizon, s."""
 
 
-STRICT = {"extra": "forbid", "strict": True}
-"""Settings of pydantic for options: no other keys, no silent conversions."""
-
-
-class Keys:
-    """Base of options that are mappings of keys: frozen dataclasses."""
-
-    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {"strict": False}
-
-
 def _is_no_device(name: str) -> str:
     if is_device(name):
         raise ValueError(
@@ -423,6 +412,8 @@ _EXPECTED = {
     "dict_type": "a mapping",
     "model_type": "a mapping",
     "dataclass_type": "a mapping",
+    "sequence_str": "a list",
+    "dataclass_exact_type": "one of the class {class_name}, which is no eqt_cli.extend.Keys",
     "finite_number": "a finite number",
     "greater_than": "a number greater than {gt:g}",
     "greater_than_equal": "a whole number of at least {ge}",
@@ -462,9 +453,9 @@ def validated(
     of = data.get("of") if isinstance(data, dict) else None
     place = UnitPlace(group, measured, of if isinstance(of, str) else "")
     try:
-        # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
-        text = json.dumps(data, default=str)
-        return _adapter(kind).validate_json(text, strict=True, context=place)
+        # All of a strict call is strict, so that it takes no mapping for any of `Keys`.
+        strict = None if owners(kind) else True
+        return _adapter(kind).validate_python(data, strict=strict, context=place)
     except ValidationError as error:
         _note_errors(error, data, kind, problems, common)
     return None

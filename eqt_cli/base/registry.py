@@ -30,20 +30,34 @@ def option_of_field(name: str) -> str:
     return name.removesuffix("_")
 
 
-class Component(ABC):
-    """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
+class Keys:
+    """Base of frozen dataclasses that a configuration writes as mappings, ``from_`` as `from`.
+
+    No other keys, and no silent conversions: neither 1 for true nor text for a number.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "alias_generator": option_of_field,
+    }
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """Return a schema that is strict but for taking a mapping for the dataclass itself."""
+        schema = handler(source)
+        handler.resolve_ref_schema(schema)["strict"] = False
+        return schema
+
+
+class Component(Keys, ABC):
+    """A dataclass whose fields are its options in a configuration.
 
     A component checks its options in `check`, and notes errors in the problems of its place:
     ``problems.at("std").add("expected …")``.
     """
 
     name: ClassVar[str]
-    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {
-        "extra": "forbid",
-        "strict": True,
-        "alias_generator": option_of_field,
-    }
 
 
 T = TypeVar("T")

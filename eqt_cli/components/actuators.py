@@ -21,17 +21,8 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import (
-    MOMENTUM,
-    TORQUE,
-    TORQUE_RATE,
-    Keys,
-    Offset,
-    Positive,
-    Scale,
-    Unit,
-)
-from eqt_cli.base.registry import Registry
+from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
+from eqt_cli.base.registry import Keys, Registry
 from eqt_cli.base.stored import Signal
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space

@@ -11,7 +11,8 @@ from pydantic import AfterValidator
 
 from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, stack, where
 from eqt_cli.base.errors import Problems, Remedy
-from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
+from eqt_cli.base.option_types import Kind, Positive, Real, Scale
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw

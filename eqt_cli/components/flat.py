@@ -12,7 +12,8 @@ from eqt_cli.base.arrays import Array, apply, apply_matrix, less, norm, sqrt, st
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.extensions import functions_for
-from eqt_cli.base.option_types import Keys, Kind, Real, Unit
+from eqt_cli.base.option_types import Kind, Real, Unit
+from eqt_cli.base.registry import Keys
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motions

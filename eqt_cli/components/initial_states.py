@@ -13,8 +13,8 @@ from numpy.random import Generator
 from eqt_cli.base import option_types
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Keys, Kind, Real, Scale, Unit
-from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Kind, Real, Scale, Unit
+from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.components.groups import MatrixLieGroup, Part, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
 from eqt_cli.components.pose_notation import check_sizes

@@ -12,8 +12,8 @@ from pydantic import Field
 
 from eqt_cli.base.arrays import Array, Arrays, dot
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
-from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.option_types import Positive, Real, Scale, Unit
+from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.components.actuators import limited_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw

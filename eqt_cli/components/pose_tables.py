@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Tag
@@ -15,7 +15,8 @@ from pydantic import Tag
 from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.extensions import function_for
-from eqt_cli.base.option_types import STRICT, Positive, Real, Unit, one_of
+from eqt_cli.base.option_types import Positive, Real, Unit, one_of
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
@@ -61,7 +62,7 @@ class MappingError(InputError):
 
 
 @dataclass(frozen=True)
-class TimeMapping:
+class TimeMapping(Keys):
     """How the times of a file are read.
 
     Attributes
@@ -81,8 +82,6 @@ class TimeMapping:
         hold until the next row, so that their means over the interval are kept.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
-
     scale: Positive = 1.0
     begin: Annotated[Real | None, Unit("s")] = None
     end: Annotated[Real | None, Unit("s")] = None
@@ -92,7 +91,7 @@ class TimeMapping:
 
 
 @dataclass(frozen=True)
-class LogMapping:
+class LogMapping(Keys):
     """How a file of poses is read, where the file itself does not say it.
 
     Attributes
@@ -130,8 +129,6 @@ class LogMapping:
         quaternion of another norm than 1, ``repeated`` the time of an earlier row, and
         ``unordered`` no time after the largest so far. Up to 5 % are left out without it.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     columns: dict[str, str] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)

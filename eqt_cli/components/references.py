@@ -14,7 +14,7 @@ from eqt_cli.base.arrays import Array, Arrays, stack
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit
-from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
@@ -364,7 +364,7 @@ class ConstantReference(PiecewiseReference):
 
 
 @dataclass(frozen=True)
-class PathFactor:
+class PathFactor(Keys):
     """One factor exp(a(t) ξ) of a path.
 
     Attributes

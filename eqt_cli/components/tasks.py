@@ -11,7 +11,8 @@ from pydantic import WrapValidator
 
 from eqt_cli.base.arrays import Array, apply_matrix, frobenius, maximum, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import STRICT, Real, shown, unknown_key
+from eqt_cli.base.option_types import Real, shown, unknown_key
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import BODY_ENERGY, Controller, controllers
 from eqt_cli.components.matrix_groups import turn_of_distance
@@ -205,7 +206,7 @@ POINTING_ERRORS = {"pose_error": "pointing_error", "final_pose_error": "final_po
 
 
 @dataclass(frozen=True)
-class Point(Task):
+class Point(Task, Keys):
     """The task on the sphere S² to turn an axis of the body; the turn about it stays free.
 
     Attributes
@@ -219,8 +220,6 @@ class Point(Task):
     along
         `reference`: instead of `at`, it is to point along the reference's axis R_d a.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     is_whole: ClassVar[bool] = False
     errors: ClassVar[Mapping[str, str]] = POINTING_ERRORS

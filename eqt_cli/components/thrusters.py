@@ -27,7 +27,8 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
-from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
+from eqt_cli.base.option_types import Positive, Real, Scale, Unit
+from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import (
     THRUSTS,
@@ -764,7 +765,7 @@ class Thrusters(Solving, Running):
 
     def _check_changes(self, problems: Problems) -> None:
         """Note unknown spins, thrusters and shares, and a `told` that no allocation uses."""
-        spins = self.runs and all(each.turns for each in self.thrusters or [Thruster([], [])])
+        spins = self.runs and self.thrusters and all(each.turns for each in self.thrusters)
         if self.rotor_inertia is not None and not spins:
             problems.at("rotor_inertia").add(
                 "needs thrusters with places and turns, thrust_constant and time_constant"

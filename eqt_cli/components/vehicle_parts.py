@@ -12,8 +12,8 @@ from pydantic import Tag
 
 from eqt_cli.base.arrays import Array, inverse_spd
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Keys, Kind, Real, has_unit, one_of, option_names, seconds
-from eqt_cli.base.registry import Component
+from eqt_cli.base.option_types import Kind, Real, has_unit, one_of, option_names, seconds
+from eqt_cli.base.registry import Component, Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.pose_notation import GREATEST, check_sizes, square, vector

@@ -10,6 +10,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.option_types import Positive, Real, Unit, unknown_key, validated
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.motions import Pieces, spline
 from eqt_cli.components.pose_notation import check_turn, pose_from
@@ -21,7 +22,7 @@ LATEST, CLOSEST = 1e9, 1e-9
 
 
 @dataclass(frozen=True)
-class Waypoint:
+class Waypoint(Keys):
     """A pose at a time.
 
     Attributes

@@ -18,7 +18,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
 from eqt_cli.base.option_types import (
     MAX_POINTS,
-    STRICT,
     AnyReal,
     CountOrNone,
     Points,
@@ -27,7 +26,7 @@ from eqt_cli.base.option_types import (
     shown,
     validated,
 )
-from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.base.stored import CASE
 
 # An axis of a design: a list of values, or a range ------------------------------------------------
@@ -47,7 +46,7 @@ _WHOLE_BOUNDS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Range:
+class Range(Keys):
     """Numbers from `low` to `high`.
 
     Attributes
@@ -60,7 +59,7 @@ class Range:
         The scale on which values are uniform; on a log scale, low is greater than 0.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {
+    __pydantic_config__: ClassVar[dict[str, Any]] = Keys.__pydantic_config__ | {
         "json_schema_extra": {"allOf": [_POSITIVE]}  # JSON Schema cannot express low < high
     }
 
@@ -117,7 +116,7 @@ class DrawnRange(Range):
         Whether only whole numbers are drawn.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT | {
+    __pydantic_config__: ClassVar[dict[str, Any]] = Keys.__pydantic_config__ | {
         "json_schema_extra": {"allOf": [_POSITIVE, _WHOLE_BOUNDS]}
     }
 
@@ -150,10 +149,8 @@ Values = Annotated[list[Any], Field(min_length=1)]
 
 
 @dataclass(frozen=True)
-class Choices:
+class Choices(Keys):
     """Values that are equally likely."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     values: Values
 

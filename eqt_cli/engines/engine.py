@@ -19,8 +19,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import STRICT, CountOrNone, Positive
-from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.option_types import CountOrNone, Positive
+from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import OuterLoop, RunsCode
 from eqt_cli.components.sensors import Errors
@@ -960,7 +960,7 @@ engines = Registry("engine", "engines", Engine, ("engines.solve_ivp", "engines.n
 
 
 @dataclass(frozen=True)
-class SolverChecks:
+class SolverChecks(Keys):
     """The keys of `solver` that do not belong to an engine.
 
     Attributes
@@ -973,8 +973,6 @@ class SolverChecks:
     cross_check
         How many runs per law are redone by another engine and compared.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     max_error: Positive | None = None
     error_estimate: bool | None = None

@@ -14,6 +14,7 @@ from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
+from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
@@ -49,7 +50,7 @@ Order = Literal["matrix", "columns", "quaternion wxyz", "quaternion xyzw", "roll
 
 
 @dataclass(frozen=True)
-class Signal:
+class Signal(Keys):
     """A signal as code has it: sign times scale times its value, in a frame, order and unit.
 
     Attributes
@@ -70,8 +71,6 @@ class Signal:
     per
         With `inertia`, the output is an acceleration, and the torque is 𝕀 times it.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
     signal: str = ""
     as_: Order = "matrix"
@@ -276,7 +275,7 @@ def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None
 
 
 @dataclass(frozen=True)
-class Adapter:
+class Adapter(Keys):
     """The names that code has for what it reads, and what it returns.
 
     Attributes
@@ -286,8 +285,6 @@ class Adapter:
     call
         In Python, the call as an expression, with the inputs, the numbers and `self`.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
     inputs: dict[str, Signal] = field(default_factory=dict)
     output: Output = Output()

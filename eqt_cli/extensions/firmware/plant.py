@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Real, shown, validated
+from eqt_cli.base.registry import Keys
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import Source, load
 from eqt_cli.components.blocks import acting_force
@@ -181,7 +182,7 @@ class StatePart(Signal):
 
 
 @dataclass(frozen=True)
-class PlantInput:
+class PlantInput(Keys):
     """The input of a plant.
 
     Attributes
@@ -197,8 +198,6 @@ class PlantInput:
         Least and largest input, in its unit.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = Signal.__pydantic_config__
-
     as_: str = "thrusts"
     unit: str = "rad/s"
     axes: list[str] | None = None
@@ -206,7 +205,7 @@ class PlantInput:
 
 
 @dataclass(frozen=True)
-class PlantAdapter:
+class PlantAdapter(Keys):
     """What a plant takes and returns.
 
     Attributes
@@ -223,8 +222,6 @@ class PlantAdapter:
     up
         −z if the axes of space and body are forward, right, down, and those of CONFIG are not.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = Signal.__pydantic_config__
 
     state: list[StatePart]
     names: list[str] = field(default_factory=lambda: ["x"])

@@ -15,6 +15,7 @@ from pydantic import Field
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, as_array, dot
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.option_types import Matrix
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Designed, LinearPlant
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
@@ -40,7 +41,7 @@ square root of rounding."""
 
 
 @dataclass(frozen=True)
-class LqrWeights:
+class LqrWeights(Keys):
     """The weights of the cost ∫ (εᵀW_ε ε + eᵀW_e e + uᵀW_u u) dt.
 
     Attributes

@@ -26,6 +26,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Real
+from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER
 from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -33,7 +34,6 @@ from eqt_cli.components.laws import (
     MOST_AHEAD,
     CodeCall,
     CodeFile,
-    Controller,
     Preview,
     Previews,
     RunsCode,
@@ -58,7 +58,7 @@ Observable = Literal[Motion, Rotation, Attitude, "last_command"]
 
 
 @dataclass(frozen=True)
-class Observed:
+class Observed(Keys):
     """A signal that a network observes.
 
     Attributes
@@ -86,8 +86,6 @@ class Observed:
         Of an error only: it is given to the reference at so many later `steps`, `every` so long, in
         the order of time, in place of the reference now.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
     signal: Observable
     frame: Literal["space", "body"] | None = None
@@ -229,7 +227,7 @@ def _with_terms(listed: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Commanded:
+class Commanded(Keys):
     """What the outputs y of a network command, each clipped to ±`clip`.
 
     Attributes
@@ -247,8 +245,6 @@ class Commanded:
     clip
         Default: 1.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
     as_: Literal["rotors", "wrench", "rates"] = "wrench"
     order: list[str] | None = None

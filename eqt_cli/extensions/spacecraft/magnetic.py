@@ -10,7 +10,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array, clip, cos, cross, dot, less, norm, outside, sin, stack, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import Keys, Positive, Real, Scale
+from eqt_cli.base.option_types import Positive, Real, Scale
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.forces import column
 from eqt_cli.components.groups import MatrixLieGroup, group_named

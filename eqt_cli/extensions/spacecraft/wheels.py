@@ -26,7 +26,8 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
+from eqt_cli.base.option_types import Angle, Positive, Real, Scale, Unit
+from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
