@@ -228,21 +228,16 @@ def _restore_manifest(study: Study, folder: ResultFolder) -> None:
         is_damaged = True
     paths = [part.path for part in folder.parts.listed().values()]
     paths += [path for path, _ in folder.parts.stopped().values()]
-    if not is_damaged or not paths or folder.results.exists():
+    if not is_damaged or folder.results.exists():
         return
-    ours = sum(is_of(study, path) for path in paths)
+    ours, parts = sum(is_of(study, path) for path in paths), count_of(len(paths), "part")
     words = f"{folder.path}: {MANIFEST} is damaged or missing"
     if not ours and not kind_of(folder.path / MANIFEST):
         return  # they may be anybody's
-    if not ours:
-        parts = count_of(len(paths), "part")
+    if paths and not ours:
         raise EqtError(f"{words}, and none of the {parts} is of this experiment", OTHER_FOLDER)
-    reporter().remark(
-        EqtWarning(
-            f"{words}; {ours} of its {count_of(len(paths), 'part')} say that they are of "
-            "this experiment, and are used again"
-        )
-    )
+    used = f"{ours} of its {parts} say that they are of this experiment, and are used again"
+    reporter().remark(EqtWarning(f"{words}; {used if paths else 'no run is finished there'}"))
     plan, config = study.plans.data, study.numeric_config
     record = {"name": study.name, "digest": study.digest, "plan": plan, "config": config}
     write_record(folder.path / MANIFEST, record | {"begun": now()})

@@ -509,6 +509,18 @@ def test_a_damaged_manifest_of_another_experiment_is_told(make, tmp_path):
         execute(other, out)
 
 
+@pytest.mark.ci("the other cases of a damaged manifest are quick")
+def test_a_damaged_manifest_before_the_first_finished_run(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    (out / "manifest.json").write_bytes(b"{")
+    for path in (out / "parts").glob("0*.npy"):
+        path.unlink()
+    execute(make(), out)
+    assert_equal(out, whole)
+    assert any("damaged or missing; no run is finished there" in str(x) for x in remarks)
+
+
 # The lock.
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="locks files as POSIX does")

@@ -543,7 +543,8 @@ class Judge:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
         unit = 1.0 if np.ptp(M) > 0 else 1 / M[0]
-        self.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
+        before, said = len(self.sentences), [*sentences_of("push", push, self._mass, unit)]
+        self.add("push", push, said, unit)
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
         for row in push:
             k = XYZ.index(row.axis)
@@ -561,6 +562,10 @@ class Judge:
         weighed |= {*XYZ} if weighed and not np.ptp(M) else set()
         kinds = by_kind(rows)
         kinds["drag"] = kinds.get("drag", []) + kinds.pop(MOMENT, [])
+        steady = [row for row in kinds["drag"] if row.model]
+        if steady and not any(row.differs for row in steady):  # which shows the mass right
+            said_of = sentences_of("push", push, self._undivided, unit)
+            self.sentences[before : before + len(said)] = said_of
         for kind, terms in kinds.items():
             title = kind.replace("× v", "× 𝕀v") if np.ptp(M) > 0 else kind
             note = self._gravity if title == "weight" else self._mass

@@ -320,7 +320,10 @@ def described(error: BaseException, file: str) -> str:
     tb = traceback.extract_tb(error.__traceback__)
     lines = [f"line {frame.lineno}: " for frame in tb if frame.filename == file]
     plain = isinstance(error, ValueError) and not lines  # of this program
-    words = str(error)
+    try:
+        words = str(error)
+    except Exception:  # it is of the law
+        words = "(without words)"
     kind = f"{type(error).__name__}{': ' if words else ''}"
     return words if plain else f"{''.join(lines[-1:])}{kind}{words}"
 

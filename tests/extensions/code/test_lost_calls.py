@@ -14,7 +14,7 @@ import pytest
 import eqt_cli
 from eqt_cli.base.errors import EqtWarning
 from eqt_cli.extend import Auto, Local, Serial, Status, Threads
-from eqt_cli.extensions.firmware import guests
+from eqt_cli.extensions.firmware import guests, python_law
 
 RUNS, LOST = 10, 3
 OVER = {
@@ -168,3 +168,11 @@ def test_a_worker_ends_with_a_parent_that_is_killed_as_it_starts(delay, tmp_path
         time.sleep(0.05)
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+def test_an_error_whose_words_fail_has_its_name():
+    class Silent(Exception):
+        def __str__(self):
+            return self.args[1]
+
+    assert python_law.described(Silent(), "law.py") == "Silent: (without words)"
