@@ -349,7 +349,8 @@ class Pool:
                         gone = [place for place in waiting if 0 <= lives[place] < guest.lives]
                         calls.lost |= dict.fromkeys(gone, "")
                         waiting = [place for place in waiting if place not in gone]
-                    some = waiting[: self._most_rows(memory)]
+                    # One by one, where nobody knows which one ended the process after its call.
+                    some = waiting[: 1 if calls.idle else self._most_rows(memory)]
                     if not some:
                         break
                     try:
@@ -412,6 +413,8 @@ class _Calls:
             If that ends as well, or was lost between calls again and again.
         """
         at, words = guest.restart(), f"{guest.name} {words}"
+        if len(places) == 1:
+            at = 0
         if 0 <= at < len(places) and places[at] not in self.lost:
             self.lost[places[at]] = self.pool.lost[self._row(places[at])] = words
             return

@@ -55,6 +55,9 @@ OBJECT, FEWEST = ".object", 16
 """The memory of a law with an object for each run: its number, and its calls; and how many objects
 are kept at least."""
 
+MOST_WORDS = 1000
+"""Most characters of an error that are passed on."""
+
 TINY = 2.0**-1000
 """Factor of these two, so that they weigh nothing where states are compared."""
 
@@ -129,8 +132,8 @@ class Law:
         Text, file and expressions; numbers and inputs with their shapes, and names of the memory.
     memory
         What goes on from call to call: shapes by name.
-    error
-        The last error of a call.
+    error, reason
+        The last error of a call, and its words.
     seconds
         CPU time of each call since the last answer, s.
     objects
@@ -142,6 +145,7 @@ class Law:
         self.board = board
         self.objects, self.started = dict[int, list[Any]](), request["lives"] * ONE_LIFE
         self.error: Exception | None = None
+        self.reason = ""
         # Python's own way to start processes, of which no hook is told.
         sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
         lock()
@@ -235,8 +239,8 @@ class Law:
             return self.sized(real(torque, "the output"))
         except (PermissionError, MemoryError):
             raise
-        except Exception as error:
-            self.error = error
+        except Exception as error:  # whose words are of the law, and belong to this call
+            self.error, self.reason = error, described(error, request["file"])
             return np.full(request["returns"], nan)
         finally:
             self.seconds.append(time.thread_time() - begun)
@@ -248,11 +252,6 @@ class Law:
             line = f"line {code.co_firstlineno}: " if code and not self.request["call"] else ""
             raise ValueError(f"{line}expected {size} numbers as output, got shape {torque.shape}")
         return torque.reshape(size)
-
-    @property
-    def reason(self) -> str:
-        """The last error, with its line."""
-        return described(self.error, self.request["file"]) if self.error else ""
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
@@ -324,6 +323,7 @@ def described(error: BaseException, file: str) -> str:
         words = str(error)
     except Exception:  # it is of the law
         words = "(without words)"
+    words = words if len(words) <= MOST_WORDS else f"{words[:MOST_WORDS]}…"
     kind = f"{type(error).__name__}{': ' if words else ''}"
     return words if plain else f"{''.join(lines[-1:])}{kind}{words}"
 

@@ -176,3 +176,4 @@ def test_an_error_whose_words_fail_has_its_name():
             return self.args[1]
 
     assert python_law.described(Silent(), "law.py") == "Silent: (without words)"
+    assert len(python_law.described(KeyError("x" * 10**6), "law.py")) < 2000
