@@ -51,18 +51,21 @@ def test_controllers_of_another_task(message):
 
 
 def test_shapes_are_those_of_the_group(message):
-    assert message(
+    said = message(
         group="SE3",
         reference="{torque: [1], pose: {rotvec: 1, position: [1]}, velocity: [1]}",
         initial="{pose: {kind: euler, velocity: {std: 1}, position: {std: [1]}}}",
-    ).splitlines() == [
-        "c.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 1",
-        "c.yaml:4:44: reference.pose.position: expected 3 entries for SE3, got 1",
-        "c.yaml:4:60: reference.velocity: expected 6 entries for SE3, got 1",
-        "c.yaml:6:31: initial.pose.velocity: SE3 has no velocity column, only position; remove "
-        "this key",
-        "c.yaml:6:62: initial.pose.position.std: expected a number or a list of 3, got a list of 1",
+    ).splitlines()
+    assert [line.split(" ")[:2] for line in said] == [
+        ["c.yaml:4:13:", "reference.torque:"],
+        ["c.yaml:4:44:", "reference.pose.position:"],
+        ["c.yaml:4:60:", "reference.velocity:"],
+        ["c.yaml:6:31:", "initial.pose.velocity:"],
+        ["c.yaml:6:62:", "initial.pose.position.std:"],
     ]
+    assert says(said[0], "…expected 6…for SE3, got 1") and says(
+        said[4], "…a list of 3, got a list of 1"
+    )
 
 
 PRODUCT = {
@@ -81,7 +84,7 @@ def test_a_product_of_groups(message, line, said):
 
 def test_everything_is_reported_in_the_order_of_the_file(message):
     """Of all keys; `messages.yaml` has what is said of what is built from them."""
-    assert message(
+    said = message(
         inertia="[[1, 2, 3], [4, 5, 6]]",
         gains="{kp: pii, kd: 0, Ki: 1}",
         reference='{torque: ["cos(t", "1", "2"], pose: [[1, 0, 0]], velocty: 1}',
@@ -91,23 +94,12 @@ def test_everything_is_reported_in_the_order_of_the_file(message):
         solver="{method: RK4, rtoll: 1, rtol: 2}",
         store="{decimate: 0}",
         gian="1",
-    ).splitlines() == [
-        "c.yaml:3:9: gains.kp: expected a number, got 'pii': unknown name 'pii' at column 1; "
-        "did you mean 'pi'?",
-        "c.yaml:3:25: gains.Ki: unknown key; expected one of kp, kd, k_R, k_Omega",
-        "c.yaml:4:42: reference.pose: expected 3×3 for SO3, got 1×3",
-        "c.yaml:4:61: reference.velocty: unknown key; did you mean 'velocity'?",
-        "c.yaml:5:25: controllers[2]: expected text or a mapping, got 3",
-        "c.yaml:6:11: initial.pose: expected text or a mapping, got 3",
-        "c.yaml:6:45: initial.velocity.std: expected a standard deviation of at least 0, got -1",
-        "c.yaml:8:8: time.duration: expected a number greater than 0, got -1",
-        "c.yaml:8:22: time.samples: expected a whole number of at least 2, got 1",
-        "c.yaml:9:10: solver.method: expected 'DOP853', 'RK45', 'RK23', 'Radau', 'BDF' or "
-        "'LSODA', got 'RK4'",
-        "c.yaml:9:23: solver.rtoll: unknown key; did you mean 'rtol'?",
-        "c.yaml:10:9: store.decimate: expected a whole number of at least 1, got 0",
-        "c.yaml:11:1: gian: unknown key; did you mean 'gains'?",
-    ]
+    ).splitlines()
+    assert [line.partition(": ")[2].partition(":")[0] for line in said] == (
+        "gains.kp gains.Ki reference.pose reference.velocty controllers[2] initial.pose "
+        "initial.velocity.std time.duration time.samples solver.method solver.rtoll "
+        "store.decimate gian"
+    ).split()
 
 
 def test_a_hundred_errors_within_a_section_have_their_places(message):
