@@ -360,13 +360,24 @@ def notes() -> dict[str, str]:
 
 class _Bar(Meter):
     bar: Progress | None = None
+    _first: threading.Timer | None = None
+
+    def begin(self, what: str, count: int) -> None:
+        """Restart the count; the bar comes in time, also where the first of them takes long."""
+        super().begin(what, count)
+        self._first = threading.Timer(SHOW_AFTER + 0.1, self.show)
+        self._first.daemon = True
+        self._first.start()
 
     def end(self) -> None:
         """Remove the bar."""
-        super().end()
-        if self.bar is not None:
-            self.bar.stop()
-            self.bar = None
+        if self._first is not None:
+            self._first.cancel()
+        with self._lock:
+            super().end()
+            if self.bar is not None:
+                self.bar.stop()
+                self.bar = None
 
     def remind(self) -> None:
         """Show the bar if something is counted, else the activity."""
@@ -377,24 +388,30 @@ class _Bar(Meter):
 
     def show(self) -> None:
         """Move the bar."""
-        if self.bar is None:
-            if _silent or time.monotonic() <= self.started + SHOW_AFTER:
-                return
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
+        with self._lock:
+            if self.bar is None:
+                early = time.monotonic() <= self.started + SHOW_AFTER
+                if _silent or early or not self.what:
+                    return
+                self.bar = self._drawn()
+            note, pace = self.under_way or self.latest, ", ".join(self.pace)
+            self.bar.update(self.task, completed=self.done, pace=pace, note=note)
 
-            self.bar = Progress(
-                TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
-                BarColumn(),
-                TextColumn("{task.fields[pace]}"),
-                TextColumn("{task.fields[note]}"),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self.task = self.bar.add_task(self.what, total=self.total, pace="", note="")
-            self.bar.start()
-        note = self.under_way or self.latest
-        self.bar.update(self.task, completed=self.done, pace=", ".join(self.pace), note=note)
+    def _drawn(self) -> Progress:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        bar = Progress(
+            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[pace]}"),
+            TextColumn("{task.fields[note]}"),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self.task = bar.add_task(self.what, total=self.total, pace="", note="")
+        bar.start()
+        return bar
 
 
 class _Lines(Meter):

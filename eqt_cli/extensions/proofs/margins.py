@@ -496,13 +496,13 @@ def margins_of(experiment: Experiment) -> Margins:
     ComponentError
         If a plugin fails.
     """
-    along = along_reference(experiment, known_reference(experiment))
-    begun = _where_it_begins(experiment, along)
-    shown = begun or experiment
-    along = along_reference(shown, known_reference(shown)) if begun else along
     laws = []
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):
+        along = along_reference(experiment, known_reference(experiment))
+        begun = _where_it_begins(experiment, along)
+        shown = begun or experiment
+        along = along_reference(shown, known_reference(shown)) if begun else along
         for label, loop in shown.loops.items():
             laws.append(_of_law(label, loop, along, begun is not None))
             reporter().advance(1)
