@@ -1,7 +1,8 @@
 """Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
 
-from collections.abc import Iterator, Sequence
-from functools import cache
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
 from math import log
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
-from eqt_cli.config.experiment import Experiment, draws_nothing, starts_on_reference
+from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem, Work
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -215,13 +216,13 @@ def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) 
 
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
-    along, texts = (along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))])
-    loop = experiment.loop
+    texts, loop = [("inertia", ill_conditioned(experiment))], experiment.loop
     texts.append(("inertia", in_other_order(loop.group, loop.inertia)))
     try:
-        with blamed(), threadpool_limits(1):  # threads slow down small matrices
-            texts.append(("gains", stiff(experiment, along)))
-            texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
+        with blamed():
+            tried = _Tried.of(experiment, shown)
+            texts.append(("gains", stiff(tried)))
+            texts += [("controllers", text) for text in unstable_or_slow(tried)]
     except InputError as error:
         texts.append(("controllers", f"loops cannot be linearised: {error}"))
     yield from (((section,), text) for section, text in texts if text)
@@ -273,18 +274,34 @@ def ill_conditioned(experiment: Experiment) -> str:
     )
 
 
-def stiff(experiment: Experiment, along: Along) -> str:
+@dataclass(frozen=True)
+class _Tried:
+    """An experiment, and points of its reference; where the keys are equal, so are its numerics.
+
+    They are computed once, also for runs that differ in their seed, their number or their starts.
+    """
+
+    key: Hashable
+    experiment: Experiment = field(compare=False)
+    along: Along = field(compare=False)
+
+    @classmethod
+    def of(cls, experiment: Experiment, shown: Horizon | None = None) -> "_Tried":
+        along, every = along_reference(experiment, shown), experiment.numeric_config
+        numbers = {key: every[key] for key in every.keys() - {"ensemble", "initial"}}
+        at = tuple(array.tobytes() for array in along)
+        return cls((digest_of(numbers), *at), experiment, along)
+
+
+@lru_cache(maxsize=2)
+def stiff(tried: _Tried) -> str:
     """Return the words for a remark on the work for a stiff loop; empty if no loop is stiff.
 
     A loop is stiff if the fastest decay of its errors needs more than `ORDINARY` evaluations, and
     an implicit method needs fewer (Hairer and Wanner 1996, Section IV.1).
-
-    Parameters
-    ----------
-    along
-        Points of the reference at which loops are linearised.
     """
-    chosen, (work, label, rates) = experiment.engine, _most_work(experiment, along)
+    experiment, (work, label, rates) = tried.experiment, _most_work(tried)
+    chosen = experiment.engine
     if work.amount <= ORDINARY:
         return ""
     explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, experiment.config.time.duration)
@@ -300,24 +317,27 @@ def stiff(experiment: Experiment, along: Along) -> str:
     )
 
 
-def _most_work(experiment: Experiment, along: Along) -> tuple[Work, str, Array]:
+@lru_cache(maxsize=2)
+def _most_work(tried: _Tried) -> tuple[Work, str, Array]:
     """Return the most work that the decay of a loop demands, its label and its eigenvalues."""
+    experiment, along = tried.experiment, tried.along
     chosen = experiment.engine
     worst: tuple[Work, str, Array] = (Work(), "", np.zeros(1))
-    for label, loop in small_loops(experiment, along).items():
-        matrices = flow(loop, *along)
-        if np.isfinite(matrices).all():
-            rates = np.linalg.eigvals(matrices)
-            work = chosen.work_for_stability(rates, experiment.config.time.duration)
-            worst = max(worst, (work, label, rates), key=lambda each: each[0])
+    with threadpool_limits(1):  # threads slow down small matrices
+        for label, loop in small_loops(experiment, along).items():
+            matrices = flow(loop, *along)
+            if np.isfinite(matrices).all():
+                rates = np.linalg.eigvals(matrices)
+                work = chosen.work_for_stability(rates, experiment.config.time.duration)
+                worst = max(worst, (work, label, rates), key=lambda each: each[0])
     return worst
 
 
 def check_steps(experiment: Experiment, problems: Problems) -> None:
     """Note a loop that needs many more steps than a run may take, so that no run would end."""
     most = getattr(experiment.engine, "max_steps", np.inf)
-    with blamed(), threadpool_limits(1):
-        work, label, rates = _most_work(experiment, along_reference(experiment, None))
+    with blamed():
+        work, label, rates = _most_work(_Tried.of(experiment))
     if work.amount > CERTAINLY * most:
         problems.at("time", "duration").add(
             f"no run of '{label}' would end: its errors decay at up to {np.abs(rates).max():.2g} "
@@ -363,8 +383,14 @@ MOST_ENTRIES = 200_000
 """Largest number of matrix entries over all times; at 9 times, this allows 149 states."""
 
 
-def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
-    """Yield sentences on unstable loops, and on slow ones, that do not depend on time."""
+@lru_cache(maxsize=2)
+def unstable_or_slow(tried: _Tried) -> list[str]:
+    """Return sentences on unstable loops, and on slow ones, that do not depend on time."""
+    with threadpool_limits(1):
+        return list(_unstable_or_slow(tried.experiment, tried.along))
+
+
+def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     horizon = experiment.config.time.duration
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
@@ -436,6 +462,15 @@ POSES = 21
 
 def gains_flown(experiment: Experiment, shown: Horizon | None = None) -> dict[str, SmallErrors]:
     """Return the small errors of each law along the reference, where its torque tells them."""
+    return _flown(_Tried.of(experiment)) if shown is None else _along(experiment, shown)
+
+
+@lru_cache(maxsize=2)
+def _flown(tried: _Tried) -> dict[str, SmallErrors]:
+    return _along(tried.experiment, None)
+
+
+def _along(experiment: Experiment, shown: Horizon | None) -> dict[str, SmallErrors]:
     times = np.linspace(0.0, experiment.times[-1], POSES)
 
     @cache  # the reference is integrated once, if at all
