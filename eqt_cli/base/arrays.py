@@ -318,3 +318,9 @@ def repeated(
 def transpose(matrix: Array) -> Array:
     """Matrix transpose, over the last two axes."""
     return matrix.swapaxes(-1, -2)
+
+
+def distinct(numbers: Any) -> Array:
+    """Return distinct numbers in rising order: `np.unique`, which imports masked arrays for it."""
+    ordered = np.sort(numbers, axis=None)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]

@@ -241,9 +241,9 @@ class Assembly:
         """Write the texts that complete variables number, in alphabetical order."""
         for name, numbers in self._texts.items():
             dataset = self._datasets[name]
-            used = np.unique(dataset[()])
-            by_number = np.array(list(numbers), dtype=object)
-            by_number[np.setdiff1d(np.arange(len(numbers)), used)] = ""
+            is_used = np.zeros(len(numbers), dtype=bool)
+            is_used[dataset[()]] = True
+            by_number = np.where(is_used, np.array(list(numbers), dtype=object), "")
             texts, places = np.unique(by_number, return_inverse=True)
             if len(numbers) > 1:
                 dataset[...] = places[dataset[...]]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, ordered_product
+from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
@@ -143,7 +143,7 @@ class Experiment:
 
     def reference_over_horizon(self, also: Iterable[float] = ()) -> Horizon:
         """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
-        times = np.unique([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
+        times = distinct([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
         most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / len(json.dumps(self.resolved))))
         start = self.desired.pose, self.desired.velocity
         return reference_over_horizon(self.loop, start, times, most)

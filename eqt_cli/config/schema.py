@@ -241,10 +241,11 @@ class ReferenceKind(Kind):
         if not isinstance(value, dict):
             problems.add(f"expected a mapping, got {shown(value)}")
             return None
-        kinds = [kind for kind in self.registry.all() if value.keys() <= {*option_names(kind)}]
-        if not value.keys() & {"kind", USUAL_REFERENCE} and value and kinds:
-            problems.at("kind").add(f"missing; these keys are those of kind: {kinds[0].name}")
-            return None
+        if value and not value.keys() & {"kind", USUAL_REFERENCE}:
+            fitting = (x for x in self.registry.all() if value.keys() <= {*option_names(x)})
+            if meant := next(fitting, None):
+                problems.at("kind").add(f"missing; these keys are those of kind: {meant.name}")
+                return None
         name, kind = value.get("kind", USUAL_REFERENCE), None
         with suppress(InputError):
             kind = self.registry.get(self.registry.written(name)) if isinstance(name, str) else None
@@ -994,7 +995,7 @@ class Config(Section):
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     metrics: Annotated[list[AnyMetric] | None, NotSwept("decides what a result contains")] = None
-    plugins: Annotated[list[str], NotSwept("is loaded once")] = Field(default_factory=list)
+    plugins: Annotated[list[str], NotSwept("is loaded once")] = []
 
 
 def marked(mark: Mark) -> list[str]:

@@ -226,7 +226,9 @@ class Cache:
 
         The returned bytes are those that were checked: the file is not read a second time.
         """
-        for path in self.folder.glob(f"{key}-*{ending}"):
+        for path in list(self.folder.iterdir()):
+            if path.suffix != ending or not path.name.startswith(f"{key}-"):
+                continue
             with suppress(OSError):
                 content = _private_content(path)
                 if content is not None and path.name == _name(key, content, ending):

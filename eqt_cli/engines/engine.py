@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, norm
+from eqt_cli.base.arrays import Array, Arrays, distinct, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Keys, Registry
@@ -222,7 +222,7 @@ def _spans(times: bytes, instants: bytes, tick: float | None, halved: bool) -> l
     near = known[(start - 1.0 < known) & (known < stop + 1.0)]  # of perhaps a long recording
     known, earliest, latest = together(near, np.array([*samples, *ticks]))
     changes = {t: ends for t, *ends in np.transpose([known, earliest, latest]).tolist()}
-    inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
+    inner = distinct([t for t in (*known, *ticks) if start < t < stop])
     ends = np.array([start, *inner, stop])
     # A sample at an instant belongs to the span after it; the last one to the last span.
     first = np.append(np.searchsorted(samples, ends[:-1]), len(samples))
@@ -260,7 +260,7 @@ def together(instants: Array, times: Array) -> tuple[Array, Array, Array]:
 
     It is the one of `times` that they equal but for rounding, or else the middle.
     """
-    ordered = np.unique(instants)
+    ordered = distinct(instants)
     begins = np.diff(ordered, prepend=-np.inf) > ROUNDING * np.maximum(1.0, np.abs(ordered))
     starts = np.flatnonzero(begins)
     earliest, latest = (

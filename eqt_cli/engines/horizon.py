@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, frobenius, norm
+from eqt_cli.base.arrays import Array, distinct, frobenius, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, shortened
 from eqt_cli.base.stored import Status
@@ -91,7 +91,7 @@ def reference_over_horizon(
     instants, *sides = together(system.instants(stop), times)
     inner = (instants > 0) & (instants < stop)
     instants, *sides = (each[inner] for each in (instants, *sides))
-    times = np.unique([*times, *instants])
+    times = distinct([*times, *instants])
     state = system.initial_state(*start, *start)
     states = np.broadcast_to(state, (len(times), len(state)))
     spent = None

@@ -164,8 +164,11 @@ def _inverse_step(coefficients: Sequence[float], rates: Array) -> float:
     if not len(large):
         return 0.0
     distances = np.arange(RESOLUTION, REACH, RESOLUTION)
-    z = distances[:, None] * large / np.abs(large)
-    grows = np.abs(np.polynomial.polynomial.polyval(z, coefficients)) > 1 + 1e-9
+    for few in (len(distances) // 5, len(distances)):  # those beyond are seldom reached
+        z = distances[:few, None] * large / np.abs(large)
+        grows = np.abs(np.polyval(coefficients[::-1], z)) > 1 + 1e-9
+        if grows.any(axis=0).all():
+            break
     first = np.where(grows.any(axis=0), grows.argmax(axis=0), len(distances) - 1)
     return float((np.abs(large) / distances[first]).max())
 

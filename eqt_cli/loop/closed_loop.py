@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, dot, stack
+from eqt_cli.base.arrays import Array, Arrays, distinct, dot, stack
 from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.accelerometer import felt, reads_specific_force
@@ -257,7 +257,7 @@ class ClosedLoop:
         """Return the sorted times at which the vector field changes, and its short pulses, s."""
         parts: list[Any] = [self.inertia, *self.over_time.values(), *self.known_forces]
         parts += [*self.vehicle.forces, *self.vehicle.actuators]
-        return np.unique(np.concatenate([part.instants(self.group, until) for part in parts]))
+        return distinct(np.concatenate([part.instants(self.group, until) for part in parts]))
 
     @property
     def over_time(self) -> dict[str, TimeVarying]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, distinct
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.expressions import PIECEWISE, Expression, Node, combined, fold, shortened
 from eqt_cli.numbers.jets import series
@@ -169,7 +169,7 @@ def _crossings(left: Node, right: Node, inner: list[float], until: float) -> lis
     """
     difference = Expression("", frozenset("t"), _of("-", left, right))
     sides = [Expression("", frozenset("t"), side) for side in (left, right)]
-    edges, shorter = np.unique([t for t in inner if 0 < t < until]), until
+    edges, shorter = distinct([t for t in inner if 0 < t < until]), until
     while (parts := _enclosed(difference, edges[edges < shorter], shorter)) is None:
         shorter /= 1000
         if shorter < FINEST**0.75 * until:
@@ -463,7 +463,7 @@ def _smooth_parts(
 
 def _parts(edges: Iterable[float], until: float, count: int) -> tuple[Array, Array]:
     """Return parts of the horizon, beside each edge and not at it, at least so many."""
-    ends = np.unique([0.0, *edges, until])
+    ends = distinct([0.0, *edges, until])
     first, last = np.nextafter(ends[:-1], np.inf), np.nextafter(ends[1:], -np.inf)
     first[0], last[-1] = 0.0, until
     counts = np.maximum(1, np.ceil((last - first) * count / until)).astype(int)

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, less, minimum, sqrt, where
+from eqt_cli.base.arrays import Array, Arrays, distinct, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
@@ -196,7 +196,7 @@ class Slab:
         self.study, self.part, base = study, part, study.base
         self.label = list(base.loops)[part.controller]
         self.entries = np.arange(part.start, part.stop)
-        self.points = np.unique(part.points)
+        self.points = distinct(part.points)
         self.samples = slice(None, None, base.config.store.decimate)
         stored = np.flatnonzero(part.run_numbers < study.trajectories)
         is_first = part.controller == 0

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.arrays import Array, distinct, norm
 from eqt_cli.base.errors import ConfigError, InputError, Problems
 from eqt_cli.config.experiment import check_starts
 from eqt_cli.config.preflight import TOGETHER, trial
@@ -104,7 +104,7 @@ def _first_runs(study: Study) -> Iterator[list[tuple[str, Batch]]]:
     for index in sorted({0, len(study.shapes) - 1}):
         piece = study.piece(index)
         runs = piece.plan.runs
-        yield from by_kind(piece, np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs]))
+        yield from by_kind(piece, distinct([0, min(1, runs - 1), (len(piece) - 1) * runs]))
 
 
 def _require_alone(problem: Problem, rates: Array, law: str) -> None:
