@@ -814,15 +814,17 @@ class PartTask:
             piece, path = self.study.piece(index), self.files.reference(index)
             if piece.desired_varies:
                 continue
-            with suppress(ResultError):
-                if DESIRED.keys() <= read_arrays(path).keys():
+            of_piece = [_digest(piece), str(index)]
+            with suppress(ResultError, KeyError):
+                if read_arrays(path)[STUDY].tolist() == of_piece:
                     continue
-            write_arrays(path, shared_reference(piece))
+            write_arrays(path, {**shared_reference(piece), STUDY: np.array(of_piece)})
 
     def shared(self, index: int) -> Desired | None:
         """Return the reference that all points of a piece share; None if each has its own."""
         if index not in self._references and not self.study.piece(index).desired_varies:
-            self._references[index] = read_arrays(self.files.reference(index))
+            arrays = read_arrays(self.files.reference(index))
+            self._references[index] = {name: arrays[name] for name in DESIRED}
         return self._references.get(index)
 
     def __getstate__(self) -> dict[str, Any]:

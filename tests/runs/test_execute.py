@@ -205,11 +205,18 @@ def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
 
 
 @pytest.mark.parametrize(
-    "damage", ["foreign", in_ci("as the first", "truncated"), in_ci("as the first", "reference")]
+    "damage",
+    ["foreign", *(in_ci("as the first", x) for x in ("truncated", "reference", "other piece"))],
 )
 def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun):
-    part = begun / ("parts/reference.npy" if damage == "reference" else "parts/000001.npy")
+    of_part = damage in ("foreign", "truncated")
+    part = begun / ("parts/000001.npy" if of_part else "parts/reference.npy")
     data = part.read_bytes()[:2000]
+    if damage == "other piece":
+        arrays = read_arrays(part)
+        of_piece = {compute_part.STUDY: np.array([arrays.pop(compute_part.STUDY)[0], "1"])}
+        write_arrays(part, {name: 0.9 * array for name, array in arrays.items()} | of_piece)
+        data = part.read_bytes()
     if damage == "foreign":
         other = tmp_path / "other"
         interrupted(make(CONFIG, "gains.kp=2"), other)
