@@ -350,7 +350,7 @@ def _options(component: type) -> list[Option]:
 def laws() -> Iterator[str]:
     """A row for each law, to choose one by."""
     from eqt_cli.components.groups import group_named, groups
-    from eqt_cli.components.laws import controllers
+    from eqt_cli.components.laws import controllers, fits
 
     kept = json.loads(Path(__file__).with_name("exported_laws.json").read_text(encoding="utf-8"))
     operations = {each["law"]: str(each["operations"]) for each in kept if each["group"] == "SO3"}
@@ -361,7 +361,7 @@ def laws() -> Iterator[str]:
         if not kind.tasks and not words:
             raise KeyError(f"law {kind.name} needs a line in UNUSUAL")
         law = kind(**words.get("options", {})) if "groups" not in words else None
-        fitting = [G for G in known if law and law.fits(G)]
+        fitting = [G for G in known if law and fits(law, G)]
         names = [G.name for G in fitting if "*" not in G.name]
         rows.append(
             [

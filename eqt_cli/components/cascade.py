@@ -13,6 +13,7 @@ from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, 
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale
 from eqt_cli.base.registry import Keys
+from eqt_cli.components import laws
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -256,7 +257,7 @@ class Cascade(OuterLoop, ReadsLimits):
         """Return the attitude law with the options that follow its gains."""
         if self.inner is None:
             return {}
-        return {"inner": self.inner.with_defaults(self.gains_group(G), gains, self.attitude)}
+        return {"inner": laws.with_defaults(self.inner, self.gains_group(G), gains, self.attitude)}
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
         """Return the law with the forces that it knows, and the direction in which it pushes."""
@@ -530,7 +531,7 @@ class Cascade(OuterLoop, ReadsLimits):
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
-        inner = self.inner.memory_gradient(self.commanded(s).tracking)
+        inner = laws.memory_gradient(self.inner, self.commanded(s).tracking)
         if inner is None or {"integral", HELD, FILTERED} & s.memory.keys():
             return None
         return {ATTITUDE + name: gradient for name, gradient in inner.items()}

@@ -269,10 +269,16 @@ class Estimator(VehiclePart):
     def after(self, schedule: Schedule, measured: Measurement, states: Arrays) -> dict[str, Array]:
         """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
-        has_start = self.initial_error is not None  # the start, else it is the first fix
+        has_start = self.initial_error is not None  # else it starts at the first fix
         past = _Past(schedule, measured, states)
         here = self._loaded(G, states, "behind_" if depth else "")
-        start = self._start(schedule, measured)
+        pose = measured.true_pose.copy()
+        if self.initial_error is not None:  # symbols, or many runs, with leading axes as the pose
+            pose = measured.true_pose @ G.exp(-1.0 * self.initial_error)
+        else:
+            for channel in schedule.fixes:
+                pose[channel.entries] = measured.pose[channel.entries]
+        start = self.first(G, pose)
         is_begun = less(0.5, begun)
         here = here._replace(
             pose=where(is_begun[..., None], here.pose, start.pose),
@@ -324,16 +330,6 @@ class Estimator(VehiclePart):
         velocity = (1.0 - here.share) * first + here.share * last
         here = self.predicted(schedule, here, velocity, schedule.period * row["live"])
         return self._stored(schedule, here)
-
-    def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
-        G, Q = schedule.G, measured.true_pose
-        if self.initial_error is not None:
-            # Symbols, or many runs, with leading axes as the pose has.
-            return self.first(G, Q @ G.exp(-1.0 * self.initial_error))
-        first = Q.copy()
-        for channel in schedule.fixes:
-            first[channel.entries] = measured.pose[channel.entries]
-        return self.first(G, first)
 
     def _loaded(self, G: MatrixLieGroup, states: Arrays, prefix: str = "") -> Estimate:
         pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]

@@ -5,7 +5,17 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeVar,
+    runtime_checkable,
+)
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +30,8 @@ from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import LATER, Gains, LawInput, TimeVarying, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
+
+Law = TypeVar("Law", bound="Controller")
 
 # Base class of control laws, and what they are published in --------------------------------------
 
@@ -96,74 +108,22 @@ class Controller(TimeVarying, Component):
         if "name" in vars(cls) and "title" not in vars(cls):
             cls.title = cls.name
         if "torque" in vars(cls):
-            claims = {"claims_decrease", "dissipation", "matched", "feedforward_torque", "weight"}
-            for claim in claims - vars(cls).keys():
+            names = {"claims_decrease", "dissipation", "matched", "feedforward_torque", "weight"}
+            for claim in names - vars(cls).keys():
                 setattr(cls, claim, vars(Controller)[claim])
 
-    @property
-    def structure(self) -> Hashable:
-        """The law without its numbers; laws of equal structure can be solved together."""
-        return structure(self)
-
-    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
-        """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
-        return self.claims_decrease
-
-    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
-        """Return options that follow the gains where a configuration leaves them out."""
-        return {}
-
-    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
-        """Return the group that its gains are of."""
-        return G
-
-    @property
-    def counteracts(self) -> bool:
-        """Whether the loop takes known forces from its torque; others do it themselves, or not."""
-        return bool(self.tasks)
-
-    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
-        """Return the law with what it knows of the plant, after noting what does not fit."""
-        return self
-
-    def with_held(self, held: Any) -> Self:
-        """Return the law with the numbers that it `held` from one instant to the next."""
-        return self
-
-    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note where the law or its options do not fit the group."""
-
-    def fits(self, G: MatrixLieGroup) -> bool:
-        """Return whether the law is for a group."""
-        problems = Problems()
-        self.check(G, problems)
-        return not problems
-
-    def with_defaults(self, G: MatrixLieGroup, gains: Gains, configured: Any) -> Self:
-        """Return the law with the options that follow its gains, but for those of `configured`."""
-        names = configured if isinstance(configured, dict) else {}
-        defaults = self.defaults(G, gains).items()
-        return with_fields(self, **{name: value for name, value in defaults if name not in names})
-
-    def directions(self, G: MatrixLieGroup) -> Array:
-        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
-        return np.eye(G.dimension)
+    # What most laws define; the states of one with memory, such as an integral, are integrated.
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
 
-    def feedforward_torque(self, s: Tracking) -> Array | None:
-        """Return the part of the torque without gains, body frame; None where it is not known."""
-        return None
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note where the law or its options do not fit the group."""
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return L, ``(...)``, the function of `energy`, which the law claims to decrease."""
         return s.lyapunov
-
-    def velocity_error(self, s: Tracking) -> Array:
-        """Return y, where an additional torque δ raises L at the rate ⟨δ, y⟩, ``(..., m)``."""
-        return s.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law dissipates, ``(...)``; None where it is not known.
@@ -171,6 +131,48 @@ class Controller(TimeVarying, Component):
         Every run integrates it, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of the law's own states by name."""
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Arrays:
+        """Return the time derivatives of all states, which are in `s.memory`."""
+        return {}
+
+    # What eqt asks of every law, and few answer otherwise.
+
+    def initial_memory(self, s: Tracking) -> Arrays:
+        """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
+
+        All states of the law in `s` are 0.
+        """
+        return {}
+
+    @property
+    def structure(self) -> Hashable:
+        """The law without its numbers; laws of equal structure can be solved together."""
+        return structure(self)
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return options that follow the gains where a configuration leaves them out."""
+        return {}
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what it knows of the plant, after noting what does not fit."""
+        return self
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
+        return np.eye(G.dimension)
+
+    def feedforward_torque(self, s: Tracking) -> Array | None:
+        """Return the part of the torque without gains, body frame; None where it is not known."""
+        return None
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return y, where an additional torque δ raises L at the rate ⟨δ, y⟩, ``(..., m)``."""
+        return s.V_tilde
 
     def loaded(
         self, home: Any, G: MatrixLieGroup, problems: Problems
@@ -199,45 +201,6 @@ class Controller(TimeVarying, Component):
         torque, rates = self.torque(s), self.memory_rate(s)
         return torque, {name: z + period * rates[name] for name, z in s.memory.items()}
 
-    # A law with memory, such as an integral of the error, has states that are integrated too.
-
-    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """Return the lengths of the law's own states by name."""
-        return {}
-
-    def initial_memory(self, s: Tracking) -> Arrays:
-        """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
-
-        All states of the law in `s` are 0.
-        """
-        return {}
-
-    def memory_rate(self, s: Tracking) -> Arrays:
-        """Return the time derivatives of all states, which are in `s.memory`."""
-        return {}
-
-    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """Return the lengths of the numbers of the law that a result stores, by name: its memory.
-
-        Memory whose name begins with a point is not stored. A law may add others, such as a sliding
-        variable, whose values `output` gives.
-        """
-        return {name: n for name, n in self.memory(G).items() if not name.startswith(".")}
-
-    output_units: ClassVar[Mapping[str, str]] = {}
-    """Units of these numbers by their name, where they have one."""
-
-    def output(self, s: Tracking) -> Arrays:
-        """Return the numbers that a result stores, ``(..., length)`` each."""
-        return s.memory
-
-    def memory_gradient(self, s: Tracking) -> Arrays | None:
-        """Return ∂L/∂z of all states z; None where it is not known.
-
-        With it, the energy balance also holds where the states change only at instants.
-        """
-        return None
-
 
 controllers = Registry(
     "controller",
@@ -247,7 +210,100 @@ controllers = Registry(
 )
 
 
+def fits(law: Controller, G: MatrixLieGroup) -> bool:
+    """Return whether a law is for a group."""
+    problems = Problems()
+    law.check(G, problems)
+    return not problems
+
+
+def with_defaults(law: Law, G: MatrixLieGroup, gains: Gains, configured: Any) -> Law:
+    """Return a law with the options that follow its gains, but for those of `configured`."""
+    names = configured if isinstance(configured, dict) else {}
+    defaults = law.defaults(G, gains).items()
+    return with_fields(law, **{name: value for name, value in defaults if name not in names})
+
+
+# What only some laws can do, by a method of their own --------------------------------------------
+
+
+@runtime_checkable
+class ClaimsByGains(Protocol):
+    """A law that claims a decrease of L with some gains only."""
+
+    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
+        """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
+
+
+def claims(law: Controller, G: MatrixLieGroup, gains: Gains) -> bool | None:
+    """Return whether L of a law is claimed to decrease with these gains."""
+    of = law.formula or law
+    return of.claims(G, gains) if isinstance(of, ClaimsByGains) else of.claims_decrease
+
+
+@runtime_checkable
+class HoldsNumbers(Protocol):
+    """A law with numbers that it `held` from one instant to the next."""
+
+    def with_held(self, held: Any) -> Any:
+        """Return the law with these numbers; None: none are held."""
+
+
+@runtime_checkable
+class StoresNumbers(Protocol):
+    """A law of which a result stores other numbers than its memory, such as a sliding variable.
+
+    `output` returns them, ``(..., length)`` each; a law without it stores parts of its memory.
+    """
+
+    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of these numbers, by name."""
+
+
+def outputs(law: Controller, G: MatrixLieGroup) -> dict[str, int]:
+    """Return the lengths of the numbers of a law that a result stores, by name: its memory.
+
+    Memory whose name begins with a point is not stored.
+    """
+    lengths = law.outputs(G) if isinstance(law, StoresNumbers) else law.memory(G)
+    return {name: length for name, length in lengths.items() if not name.startswith(".")}
+
+
+def stored_numbers(law: Controller, s: Tracking) -> Arrays:
+    """Return the numbers of a law that a result stores, ``(..., length)`` each."""
+    numbers: Arrays = law.output(s) if hasattr(law, "output") else s.memory
+    return numbers
+
+
+def output_units(law: Controller) -> Mapping[str, str]:
+    """Return the units of these numbers by their name, where a law gives them one."""
+    return getattr(law, "output_units", {})
+
+
+@runtime_checkable
+class KnowsMemoryGradient(Protocol):
+    """A law whose energy balance also holds where its states change only at instants."""
+
+    def memory_gradient(self, s: Tracking) -> Arrays | None:
+        """Return ∂L/∂z of all states z; None where it is not known."""
+
+
+def memory_gradient(law: Controller, s: Tracking) -> Arrays | None:
+    """Return ∂L/∂z of all states of a law; None where it is not known."""
+    of = law.formula or law
+    return of.memory_gradient(s) if isinstance(of, KnowsMemoryGradient) else None
+
+
 # What only some laws can do; a law derives from each of these classes that applies ---------------
+
+
+class KnowsForces(Controller):
+    """A law that deals with known forces itself."""
+
+
+def counteracts(law: Controller) -> bool:
+    """Return whether the loop takes known forces from the torque of a law."""
+    return bool(law.tasks) and not isinstance(law, KnowsForces)
 
 
 class ReadsLimits(Controller):
@@ -297,6 +353,10 @@ class OuterLoop(CountsInstants):
     undefined: ClassVar[str] = ""
 
     @abstractmethod
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group that its gains are of."""
+
+    @abstractmethod
     def inner_inertia(self, G: MatrixLieGroup, inertia: InertiaLaw) -> Inertia:
         """Return the inertia of the inner law, on its `gains_group`."""
 
@@ -307,6 +367,12 @@ class OuterLoop(CountsInstants):
     @abstractmethod
     def loop_errors(self, s: Tracking) -> Array:
         """Return errors that may not change along a reference, inner loop first, ``(..., 2m)``."""
+
+
+def gains_group(law: Controller, G: MatrixLieGroup) -> MatrixLieGroup:
+    """Return the group that the gains of a law are of."""
+    of = law.formula or law
+    return of.gains_group(G) if isinstance(of, OuterLoop) else G
 
 
 MOST_AHEAD = 1000
@@ -385,7 +451,7 @@ class LinearPlant(NamedTuple):
     differs: str = ""
 
 
-class Designed(Controller):
+class Designed(KnowsForces):
     """A law whose gains follow from its plant, linearised about the reference.
 
     Attributes

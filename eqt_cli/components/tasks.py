@@ -14,7 +14,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, shown, unknown_key
 from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import BODY_ENERGY, Controller, controllers
+from eqt_cli.components.laws import BODY_ENERGY, Controller, controllers, gains_group
 from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Gains, Tracking, as_distance
 from eqt_cli.components.motions import unit_vector
@@ -73,7 +73,7 @@ class Task:
             fitting = ", ".join(kind.name for kind in controllers.all() if self.kind in kind.tasks)
             its = " or ".join(law.tasks)
             return f"{law.name} is a law for task: {its}; for task: {self.kind} use {fitting}"
-        G_of, remedy = law.gains_group(G), "use a law with its error in the body, such as lee2010"
+        G_of, remedy = gains_group(law, G), "use a law with its error in the body, such as lee2010"
         weight = (getattr(law, "inner", None) or law).weight  # of a cascade, its attitude law's
         if G_of.dimension != 3 or not G_of.compact or (self.at and G_of is not G):
             where = "use group SO3, or on SE3 a cascade with along: reference"

@@ -36,7 +36,14 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, Designed, OuterLoop, RunsCode
+from eqt_cli.components.laws import (
+    Controller,
+    Designed,
+    OuterLoop,
+    RunsCode,
+    counteracts,
+    gains_group,
+)
 from eqt_cli.components.matrix_groups import FARTHEST
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
@@ -452,7 +459,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
             *(G, inertia, gains[label], desired.reference, law.law),
             vehicles[label],
             task=task,
-            known_forces=known if law.known_forces and law.law.counteracts else (),
+            known_forces=known if law.known_forces and counteracts(law.law) else (),
         )
         for label, law in laws.items()
     }
@@ -545,7 +552,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             held = f"an earlier controller has the label '{same}'"
             here.add(f"{held}; give this one another `label`{also}")
         else:
-            gains = sections.kp_and_kd(entry.gains, law.gains_group(G), here.at("gains"))
+            gains = sections.kp_and_kd(entry.gains, gains_group(law, G), here.at("gains"))
             laws[label] = Law(law, index, gains, entry.known_forces, entry.written, files, code)
     return laws
 
@@ -566,7 +573,7 @@ def gains_of(
     for label, law in laws.items():
         axes = task_of(config.task).axes(law.law)
         at_law = problems.at("controllers", law.index, "gains")
-        group = law.law.gains_group(G)
+        group = gains_group(law.law, G)
         if group is not G:
             gains = _gains_of_inner(law, group, axes, at_law)
         elif law.gains:

@@ -70,7 +70,7 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
     velocity_distributions,
 )
-from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.components.laws import Controller, controllers, gains_group
 from eqt_cli.components.matrix_groups import distance_of_turn
 from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.pose_tables import LogMapping
@@ -182,7 +182,7 @@ class LawKind(Kind):
         if law is not None and group is not None and not law.files:
             law.check(group, problems)
         if gains is not None:
-            of = None if law is None or group is None else law.gains_group(group)
+            of = None if law is None or group is None else gains_group(law, group)
             gains = validated(GainsSection, gains, problems.at("gains"), group=of)
         return None if law is None else LawEntry(law, label, gains, known, tuple(options))
 

@@ -12,6 +12,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays, distinct, dot, stack
 from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
+from eqt_cli.components import laws
 from eqt_cli.components.accelerometer import felt, reads_specific_force
 from eqt_cli.components.actuators import Actuator, any_runs
 from eqt_cli.components.blocks import (
@@ -146,7 +147,8 @@ class ClosedLoop:
     @property
     def law(self) -> Controller:
         """The law, with its numbers between two known instants where these are held."""
-        return self.controller.with_held(self.held_law)
+        law = self.controller
+        return law.with_held(self.held_law) if isinstance(law, laws.HoldsNumbers) else law
 
     @property
     def inside(self) -> "ClosedLoop":
@@ -206,7 +208,7 @@ class ClosedLoop:
             dissipation = dissipation - dot(s.inertia.leaving(y), y) / 2
         if dissipation is None or not self._holds_memory:
             return dissipation
-        gradient = self.controller.memory_gradient(s)
+        gradient = laws.memory_gradient(self.controller, s)
         if gradient is None:
             return None
         rates = self.controller.memory_rate(s)
@@ -241,7 +243,7 @@ class ClosedLoop:
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
         covered = self.vehicle.is_ideal and not self.inertia.at(0.0).leaves
-        return self.controller.claims(self.group, self.gains) if covered else None
+        return laws.claims(self.controller, self.group, self.gains) if covered else None
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""

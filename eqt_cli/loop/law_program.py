@@ -17,7 +17,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import Controller, output_units, outputs, stored_numbers
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
@@ -137,11 +137,11 @@ def law_program(
     G = loop.group
     loop = dataclasses.replace(loop, held_law=loop.controller.held(G, 0.0))
     entries, numbers, law = _inputs(loop), _numbers(loop), loop.controller
-    memory, outputs = _numbers_of_law(law, law.memory(G)), tuple[Entry, ...]()
+    memory, further = _numbers_of_law(law, law.memory(G)), tuple[Entry, ...]()
     if with_outputs:
-        lengths = law.outputs(G).items()
+        lengths = outputs(law, G).items()
         more = {name: length for name, length in lengths if name not in law.memory(G)}
-        outputs = _numbers_of_law(law, more)
+        further = _numbers_of_law(law, more)
     units, known = {each.source: each.unit for each in entries}, MISSING if adapter else INPUT
     reads = tuple(adapter.entries(G, units)) if adapter else entries
     groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
@@ -180,12 +180,11 @@ def law_program(
     def output(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
         s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
-        values = symbolic.controller.output(s)
-        return {OUTPUT + each.name: np.ravel(values[each.source]) for each in outputs}
+        values = stored_numbers(symbolic.controller, s)
+        return {OUTPUT + each.name: np.ravel(values[each.source]) for each in further}
 
-    further = [traced(start, groups)] if memory else []
-    programs = [traced(step, groups, expressed), *further]
-    programs += [traced(output, groups)] if outputs else []
+    programs = [traced(step, groups, expressed), *([traced(start, groups)] if memory else [])]
+    programs += [traced(output, groups)] if further else []
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
     spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}
@@ -199,8 +198,8 @@ def law_program(
     of_command = {"torque": turns.force_unit, "rates": turns.velocity_unit, "dipole": "A m^2"}
     unit = unit.replace(turns.force_unit, of_command[loop.controller.commands], 1)
     torque = Entry(TORQUE, (G.dimension,), TORQUE, words(unit))
-    started, output_program = (trimmed[1] if memory else None), (trimmed[-1] if outputs else None)
-    return LawProgram(reads, used, memory, torque, trimmed[0], started, outputs, output_program)
+    started, output_program = (trimmed[1] if memory else None), (trimmed[-1] if further else None)
+    return LawProgram(reads, used, memory, torque, trimmed[0], started, further, output_program)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
@@ -264,7 +263,7 @@ def name_of_number(path: str) -> str:
 
 def _numbers_of_law(law: Controller, lengths: Mapping[str, int]) -> tuple[Entry, ...]:
     return tuple(
-        Entry(name, (lengths[source],), source, law.output_units.get(source, ""))
+        Entry(name, (lengths[source],), source, output_units(law).get(source, ""))
         for name, source in zip(distinct(lengths), lengths, strict=True)
     )
 

@@ -19,7 +19,7 @@ from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
 from eqt_cli.components.blocks import COMMAND, Now, beyond_limits, cut_axes, signals
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import Controller, OuterLoop
+from eqt_cli.components.laws import Controller, OuterLoop, output_units, outputs, stored_numbers
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states, requested_torque
@@ -29,9 +29,10 @@ from eqt_cli.numbers.running import SampledRuns
 
 def output_names(law: Controller, G: MatrixLieGroup) -> dict[str, str]:
     """Return the units of the stored numbers of a law, by names such as ``integral_1``."""
+    units = output_units(law)
     return {
-        f"{name}_{k + 1}" if length > 1 else name: law.output_units.get(name, "1")
-        for name, length in law.outputs(G).items()
+        f"{name}_{k + 1}" if length > 1 else name: units.get(name, "1")
+        for name, length in outputs(law, G).items()
         for k in range(length)
     }
 
@@ -54,8 +55,8 @@ class LoopState(NamedTuple):
 def _output(loop: ClosedLoop, s: Tracking) -> Array:
     """Return the numbers of the law that are stored, in the order of `output_names`."""
     law, empty = loop.controller, s.P[..., :0]
-    outputs = law.output(s) if law.outputs(loop.group) else {}
-    values = [outputs[name] + 0.0 * s.P[..., :1] for name in law.outputs(loop.group)]
+    numbers = stored_numbers(law, s)
+    values = [numbers[name] + 0.0 * s.P[..., :1] for name in outputs(law, loop.group)]
     return np.concatenate([empty, *values], axis=-1)
 
 
@@ -494,7 +495,7 @@ def at_state(
 
 def existing(loop: ClosedLoop) -> dict[str, tuple[LoopSignal, Part | None]]:
     """Return the signals of a loop and those of their parts, by name."""
-    vehicle, lengths = loop.vehicle, {OUTPUT: loop.controller.outputs(loop.group)}
+    vehicle, lengths = loop.vehicle, {OUTPUT: outputs(loop.controller, loop.group)}
     return {
         f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
         for signal in formulas_of(vehicle).values()
@@ -589,7 +590,7 @@ metrics = Registry("metric", "metrics", Metric, ("loop.signals",))
 
 def outputs_of(loop: ClosedLoop) -> Mapping[str, int]:
     """Return the lengths of the numbers of a law, by name."""
-    return loop.controller.outputs(loop.group)
+    return outputs(loop.controller, loop.group)
 
 
 def values_at(

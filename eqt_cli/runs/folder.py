@@ -39,7 +39,7 @@ from eqt_cli.base.stored import LAW, MIXED, OUTPUT, POINT, SHAPE, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import Controller, output_units
 from eqt_cli.components.vehicle import Vehicle, exactly_measured
 from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.remarks import gains_flown
@@ -414,7 +414,7 @@ def _unit_of(
         signal = formulas[known.name]
         part = next(each for each in signal.parts(G) if name == f"{signal.name}_{each.name}")
         return signal.unit_in(part)
-    return next((law.output_units[name] for law in laws if name in law.output_units), "1")
+    return next((of[name] for of in map(output_units, laws) if name in of), "1")
 
 
 def outputs_of_laws(experiment: Experiment) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.option_types import Kind, option_names
-from eqt_cli.components.laws import Controller, RunsCode, controllers
+from eqt_cli.components.laws import Controller, RunsCode, controllers, fits, gains_group
 from eqt_cli.config.designs import Sweep
 from eqt_cli.config.document import with_value
 from eqt_cli.config.experiment import Experiment
@@ -40,8 +40,8 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
     known = {_identity(law): law.name for law in reversed(laws)}
     torques: dict[str, Array] = {}
     swept = [loop.controller for loop in base.loops.values()]
-    if len(keys) == len(sweep.sets) and all(law.gains_group(G) is G for law in swept):
-        fitting = (law for law in laws if base.config.task in law.tasks and law.fits(G))
+    if len(keys) == len(sweep.sets) and all(gains_group(law, G) is G for law in swept):
+        fitting = (law for law in laws if base.config.task in law.tasks and fits(law, G))
         torques = {law.name: _torque(law, base) for law in fitting}
     names = np.full((len(study), len(base.loops)), "", dtype=object)
     for point in range(len(study)):

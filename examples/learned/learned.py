@@ -202,7 +202,7 @@ class Scored:
 
     def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """The memory, and the errors."""
-        return {**super().outputs(G), **dict.fromkeys(Scored.output_units, 1)}
+        return {**self.memory(G), **dict.fromkeys(Scored.output_units, 1)}
 
     def output(self, s: Tracking) -> Mapping[str, Array]:
         """‖ṗ − ṗ_d‖, ‖ω − ω_d‖, and the angle of the second body axes, seen from above."""
@@ -213,7 +213,7 @@ class Scored:
         sine, cosine = absolute(a * d - b * c), a * c + b * d
         length = sqrt(sine * sine + cosine * cosine)
         return {
-            **super().output(s),
+            **s.memory,
             "speed_error": norm(v)[..., None],
             "rate_error": norm(w)[..., None],
             "yaw_error": _angle(cosine, sine, length)[..., None],

@@ -7,7 +7,7 @@ import pytest
 
 from eqt_cli.api.loading import load_experiment
 from eqt_cli.components.classic_laws import CancellingLaw, Goodarzi2013, Quaternion, Stabilising
-from eqt_cli.components.laws import Family, controllers
+from eqt_cli.components.laws import Family, claims, controllers
 from eqt_cli.config.remarks import remarks
 from eqt_cli.extend import Gains, Inertia, Tracking, group_named
 
@@ -84,7 +84,7 @@ def test_laws_that_cancel_all_other_forces_claim_what_their_damping_takes_out(la
     G, gains = group_named("SO3"), Gains(np.eye(3), np.diag([1.0, 2.0, 3.0]))
     Q, V, rest = G.exp(np.array([0.3, -0.2, 0.5])), np.array([1.0, -2.0, 0.5]), np.zeros(3)
     s = Tracking(G, Inertia(np.eye(3), np.eye(3)), gains, 0.0, Q, V, G.identity, rest, rest)
-    assert law().claims(G, gains) is True
+    assert claims(law(), G, gains) is True
     assert law().dissipation(s) == pytest.approx(1 + 2 * 4 + 3 / 4, rel=1e-14)
 
 

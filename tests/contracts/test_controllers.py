@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.components.laws import memory_gradient
 from eqt_cli.extend import Problems
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
@@ -84,7 +85,7 @@ def test_an_additional_torque_raises_l_by_its_power(loop, states):
 def test_the_gradient_of_l_by_the_memory(loop, states):
     y, t, h = states(loop, (4,)), 0.3, 1e-4
     s = loop.tracking(t, y)
-    gradient = loop.controller.memory_gradient(s)
+    gradient = memory_gradient(loop.controller, s)
     if not s.memory or gradient is None:
         pytest.skip("the law keeps nothing, or does not say how L depends on it")
     for name, slope in gradient.items():

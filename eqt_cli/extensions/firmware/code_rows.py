@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.actuators import THRUSTS
-from eqt_cli.components.laws import Designed, OuterLoop, controllers
+from eqt_cli.components.laws import Designed, OuterLoop, controllers, fits, with_defaults
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.firmware.code_evidence import (
     COARSE,
@@ -387,8 +387,8 @@ def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
     code: Any = loop.controller
     for kind in controllers.all():
         is_another = type(code.formula) is not kind and not issubclass(kind, Designed)
-        if is_another and kind.tasks and kind().fits(G):
-            law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
+        if is_another and kind.tasks and fits(kind(), G):
+            law: Any = with_defaults(kind(), G, loop.gains, None).loaded(None, G, Problems())[0]
             lengths = law.memory(G)
             if [*lengths.values()] in ([], [memory.shape[1]]):
                 named = dict.fromkeys(lengths, memory)

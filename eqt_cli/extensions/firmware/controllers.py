@@ -32,6 +32,8 @@ from eqt_cli.components.laws import (
     RunsCode,
     check_foreseen,
     controllers,
+    counteracts,
+    with_defaults,
 )
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
@@ -714,7 +716,7 @@ class Code(_Numbers, RunsCode, Previews):
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the law that it claims to be with the options that follow its gains."""
-        return {"claimed": self.claimed and self.claimed.with_defaults(G, gains, self.as_)}
+        return {"claimed": self.claimed and with_defaults(self.claimed, G, gains, self.as_)}
 
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
@@ -758,7 +760,7 @@ class Code(_Numbers, RunsCode, Previews):
 
     def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
         """Return a loop with this code as that of a formula, which counteracts known forces."""
-        return replace(loop, controller=law, known_forces=self.forces if law.counteracts else ())
+        return replace(loop, controller=law, known_forces=self.forces if counteracts(law) else ())
 
     def judged(
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any
@@ -794,8 +796,8 @@ def _of_claimed(name: str) -> property:
 
 
 for _name in (
-    "energy matched claims_decrease claims feedforward_torque lyapunov velocity_error dissipation "
-    "memory_rate memory_gradient weight theorem reads_gains gains_group"
+    "energy matched claims_decrease feedforward_torque lyapunov velocity_error dissipation "
+    "memory_rate weight theorem reads_gains"
 ).split():
     setattr(Code, _name, _of_claimed(_name))
 

@@ -20,6 +20,7 @@ from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
+from eqt_cli.components.laws import claims
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, defined, headers, needed
@@ -444,7 +445,7 @@ def _claim(law: ExportedLaw) -> str:
         f"continuous time ({controller.theorem})",
         False: f"L = {controller.energy} is not claimed to fall",
         None: "nothing is claimed",
-    }[controller.claims(law.loop.group, law.loop.gains)]
+    }[claims(controller, law.loop.group, law.loop.gains)]
 
 
 # Exports laws as C files into a folder ------------------------------------------------------------

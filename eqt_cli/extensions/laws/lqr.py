@@ -189,7 +189,6 @@ class Lqr(Designed):
     regulator: Any = field(default=None, init=False, repr=False)  # Regulator | None
     table: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)  # RegulatorTable
     actuators: Any = field(default=None, init=False, repr=False)  # ActuatorModel | None
-    counteracts: ClassVar[bool] = False  # but at the reference, by itself
     known_forces: Any = field(default=(), init=False, repr=False)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

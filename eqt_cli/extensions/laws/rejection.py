@@ -103,7 +103,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the inner law with the options that follow its gains."""
-        return {"inner": self.inner.with_defaults(G, gains, self.law)}
+        return {"inner": laws.with_defaults(self.inner, G, gains, self.law)}
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with lag, limits and forces that it knows; note what does not fit."""
@@ -212,7 +212,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
 
 @dataclass(frozen=True)
-class Indi(Rejecting):
+class Indi(Rejecting, laws.KnowsForces):
     """Incremental nonlinear dynamic inversion around a law with the torque τ, on every group.
 
     u = 𝕀ν + H[û − 𝕀(V_k − V_{k−1})/T],  𝕀ν = τ + ad*_V 𝕀V,
@@ -256,11 +256,6 @@ class Indi(Rejecting):
     def reads_specific_force(self) -> bool:
         """Whether it reads an accelerometer."""
         return self.linear == "accelerometer"
-
-    @property
-    def counteracts(self) -> bool:
-        """Not: known forces are in the acceleration that it measures."""
-        return False
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows; note sensors and inertias that do not fit."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from eqt_cli.base import errors, files
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, Problems, Remedy
+from eqt_cli.components.laws import gains_group
 from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
 from eqt_cli.config.experiment import Experiment
@@ -119,7 +120,7 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
     for index, entry in enumerate(base.resolved["controllers"]):
         law = base.loops[str(entry["label"])].controller
-        keeps = law.gains_group(base.group) is not base.group or not law.reads_gains
+        keeps = gains_group(law, base.group) is not base.group or not law.reads_gains
         data = without_search(base.document.data) | {"controllers": [entry]}
         if isinstance(listed := data.get("metrics"), list):
             loop, pairs = base.loops[str(entry["label"])], zip(listed, base.metrics, strict=True)

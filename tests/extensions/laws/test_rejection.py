@@ -12,6 +12,7 @@ from scipy.linalg import block_diag, expm
 from scipy.signal import butter
 
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.laws import outputs
 from eqt_cli.extend import Controller
 
 T, LAG, CUTOFF, RATE = 0.002, 0.05, 20.0, 88.9
@@ -246,8 +247,8 @@ def test_the_estimate_is_a_signal_and_tends_to_the_torque(solved):
     problem, solution = solved(text, label="indi")
     s = problem.loop.tracking(problem.times, solution.states)
     law = problem.loop.controller
-    assert [*law.outputs(s.G)] == ["disturbance"] and law.output_units["disturbance"] == "N m"
-    np.testing.assert_allclose(law.output(s)["disturbance"][0, -1], DELTA[:3], rtol=0, atol=1e-3)
+    assert [*outputs(law, s.G)] == ["disturbance"] and law.output_units["disturbance"] == "N m"
+    np.testing.assert_allclose(s.memory["disturbance"][0, -1], DELTA[:3], rtol=0, atol=1e-3)
 
 
 def test_an_accelerometer_feels_nothing_in_free_fall_and_the_push_at_rest(experiment_of):
