@@ -188,8 +188,9 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
     titles, runs, laws = comparison.titles, comparison.runs, _by_law(comparison, against)
     also, open_ = dict[str, list[str]](), list[str]()
     for law, of_law in laws.items():
-        for words in () if whole else _also(of_law, comparison):
-            also.setdefault(words, []).append(titles[law])
+        if not whole:
+            for words in _also(of_law, comparison):
+                also.setdefault(words, []).append(titles[law])
         for pair in _headline(of_law):
             if pair.contradicted:
                 better, worse = pair.better_in

@@ -50,11 +50,13 @@ def _check(rule: Rule, baseline: Result, candidate: Result, windows: Sequence[Wi
         why = "L of both may differ" if "lyapunov" in quantity.signals else "no value is better"
         raise EqtError(f"'{rule}': cannot be judged, as {why}")
     stored = name if baseline.has(name) and candidate.has(name) else quantity.implied_by
-    for key, value in baseline.attributes_of(stored).items() if stored else ():
-        if (changed := candidate.attributes_of(stored).get(key)) != value:
-            raise candidate.error(f"'{name}' is another number: {key} {value} → {changed}")
-    for window in windows if quantity.windowed else ():
-        candidate.per_run(candidate.comparable[name], window)  # or says what it lacks
+    if stored:
+        for key, value in baseline.attributes_of(stored).items():
+            if (changed := candidate.attributes_of(stored).get(key)) != value:
+                raise candidate.error(f"'{name}' is another number: {key} {value} → {changed}")
+    if quantity.windowed:
+        for window in windows:
+            candidate.per_run(candidate.comparable[name], window)  # or says what it lacks
 
 
 def findings(
@@ -90,10 +92,11 @@ def findings(
         names = {*baseline.metrics} & {*candidate.metrics}
         numbers = ((baseline.metric(name, base_row), candidate.metric(name, row)) for name in names)
         unchanged[law] = all(np.array_equal(*two, equal_nan=True) for two in numbers)
-    for pair in comparison.rows() if Rule("worse") in rules else ():
-        if pair.word is Word.WORSE:
-            number = f"{comparison.titles[pair.first]}: {name_of(pair.measured, comparison)}"
-            yield Finding(Rule("worse"), number, why=pair.percent)
+    if Rule("worse") in rules:
+        for pair in comparison.rows():
+            if pair.word is Word.WORSE:
+                number = f"{comparison.titles[pair.first]}: {name_of(pair.measured, comparison)}"
+                yield Finding(Rule("worse"), number, why=pair.percent)
     compared = partial(compare, baseline, candidate, windows=windows, counterparts=counterparts)
     how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
     for rule in (rule for rule in rules if rule.margin < math.inf):

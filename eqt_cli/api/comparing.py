@@ -151,10 +151,11 @@ def _counterparts(
     laws = [*pairs.values()]
     lacking = [(first, law) for law in laws if law not in first.labels]
     lacking += [(second, law) for law in first.labels if not controllers and law not in laws]
-    for result, law in lacking if all_needed else ():
-        remedies = [Remedy("pair laws with {} NEW=OLD", "law")]
-        remedies.append(Remedy("choose laws with {}", "controller"))
-        raise EqtError(f"{result.path}: holds no law '{law}', the other result does", *remedies)
+    if all_needed:
+        for result, law in lacking:
+            remedies = [Remedy("pair laws with {} NEW=OLD", "law")]
+            remedies.append(Remedy("choose laws with {}", "controller"))
+            raise EqtError(f"{result.path}: holds no law '{law}', the other result does", *remedies)
     return {law: base if base in first.labels else first.labels[0] for law, base in pairs.items()}
 
 

@@ -540,10 +540,11 @@ def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> se
 def _unknown_at(path: KeyPath, kind: Any, common: tuple[str, ...]) -> str:
     """Return the message for an unknown key, which may belong to a section: gains.kp for kp."""
     key, keys = str(path[-1]), known_keys(kind, path[:-1], common)
-    for name, field in getattr(kind, "model_fields", {}).items() if len(path) == 1 else ():
-        models = (field.annotation, *get_args(field.annotation))
-        if any(key in getattr(model, "model_fields", {}) for model in models):
-            return unknown_key(key, keys, f"{name}.{key}")
+    if len(path) == 1:
+        for name, field in getattr(kind, "model_fields", {}).items():
+            models = (field.annotation, *get_args(field.annotation))
+            if any(key in getattr(model, "model_fields", {}) for model in models):
+                return unknown_key(key, keys, f"{name}.{key}")
     return unknown_key(key, keys)
 
 
@@ -670,13 +671,12 @@ class Kind:
         with at_kind.catching():
             of, known = self.registry.get(self.registry.written(kind)), ("kind", *common)
             made = validated(of, options, problems, known, group, measured=self.measured)
-            for name, value in (
-                as_section(made).items() if made and is_foreign(of.__module__) else ()
-            ):
-                try:
-                    json.dumps(value)
-                except (TypeError, ValueError):
-                    problems.at(name).add(f"is {value!r}; no configuration can hold that")
+            if made and is_foreign(of.__module__):
+                for name, value in as_section(made).items():
+                    try:
+                        json.dumps(value)
+                    except (TypeError, ValueError):
+                        problems.at(name).add(f"is {value!r}; no configuration can hold that")
             return made
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:

@@ -133,8 +133,9 @@ class Requests:
 def _end_now(number: int) -> None:
     """End this process and its child processes immediately."""
     library = sys.modules.get("multiprocessing")  # only loaded if processes were started
-    for child in library.active_children() if library else ():
-        child.kill()
+    if library:
+        for child in library.active_children():
+            child.kill()
     os._exit(128 + number)
 
 

@@ -229,8 +229,9 @@ def _options(
         takers = [name for name in known if key in known[name]]
         if wish is not None and not takers:
             raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(known))}")
-        for name in takers if wish is not None else ():
-            by_figure[name][key] = wish
+        if wish is not None:
+            for name in takers:
+                by_figure[name][key] = wish
     for index, text in enumerate(texts):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")

@@ -248,10 +248,11 @@ def _listed(path: Path) -> dict[str, Any]:
             record["laws"] = ", ".join(result.titles)
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
-            for name in () if result.is_sweep else compared_first(result)[:1]:
-                means = ", ".join(significant(row[name]) for row in headline(result))
-                words = f"{result.quantity(name).plain} {means} {unit_in_words(result, name)}"
-                record["headline"] = words.rstrip()
+            if not result.is_sweep:
+                for name in compared_first(result)[:1]:
+                    means = ", ".join(significant(row[name]) for row in headline(result))
+                    words = f"{result.quantity(name).plain} {means} {unit_in_words(result, name)}"
+                    record["headline"] = words.rstrip()
     except EqtError as error:
         record["headline"] = str(error).removeprefix(f"{path}: ")
     return record

@@ -435,12 +435,13 @@ def cut_axes(now: Now, limits: bool) -> Array:
     A difference of the size of rounding is none.
     """
     flags = 0.0 * now.s.P
-    for block in now.blocks.actuated if limits else ():
-        part = now[f"{block.name}.at"]
-        G, u, x = block.arguments(now)
-        torque = part.requested(u) if part.takes == THRUSTS else u
-        most = 1e-12 * (1 + absolute(torque))
-        flags = where(less(most, absolute(torque - part.within(G, u, x))), 1.0, flags)
+    if limits:
+        for block in now.blocks.actuated:
+            part = now[f"{block.name}.at"]
+            G, u, x = block.arguments(now)
+            torque = part.requested(u) if part.takes == THRUSTS else u
+            most = 1e-12 * (1 + absolute(torque))
+            flags = where(less(most, absolute(torque - part.within(G, u, x))), 1.0, flags)
     return flags
 
 
@@ -550,8 +551,9 @@ class Arrived(Block):
 
         def arrived(now: Now) -> Any:
             value = now[f"noisy.{key}"]
-            for channel in channels if now.errors else ():
-                value = channel.read(value, now.after(self.name)[channel.name])
+            if now.errors:
+                for channel in channels:
+                    value = channel.read(value, now.after(self.name)[channel.name])
             return value
 
         return arrived

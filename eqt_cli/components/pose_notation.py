@@ -280,14 +280,15 @@ def many_turns(
         Keys of angles, or of lists of angles.
     """
     entries = dict(enumerate(value)) if isinstance(value, list) else value
-    for key, entry in entries.items() if isinstance(entries, dict) else ():
-        here = (*path, key)
-        if isinstance(entry, dict | list):
-            inner = range(len(entry)) if key in angles and isinstance(entry, list) else ()
-            yield from many_turns(entry, inner or angles, here)
-        elif key in angles and isinstance(entry, int | float) and abs(entry) > 2 * np.pi:
-            yield (
-                here,
-                f"rotation of {entry:g} rad is {abs(entry) / (2 * np.pi):.2g} turns; write "
-                f"'{entry:g} deg' if degrees were meant",
-            )
+    if isinstance(entries, dict):
+        for key, entry in entries.items():
+            here = (*path, key)
+            if isinstance(entry, dict | list):
+                inner = range(len(entry)) if key in angles and isinstance(entry, list) else ()
+                yield from many_turns(entry, inner or angles, here)
+            elif key in angles and isinstance(entry, int | float) and abs(entry) > 2 * np.pi:
+                yield (
+                    here,
+                    f"rotation of {entry:g} rad is {abs(entry) / (2 * np.pi):.2g} turns; write "
+                    f"'{entry:g} deg' if degrees were meant",
+                )

@@ -473,10 +473,11 @@ class PathReference(ClosedReference):
             with here.catching("by"):
                 _ = factor.expression
                 unit = "" if here.at("axis") else factor.written[1]
-                for part in G.parts if unit else ():
-                    needed, along = part.error_unit, factor.vector(G)[part.axes]
-                    if np.any(along) and units.factor(unit, needed) is None:
-                        raise InputError(f"expected {units.offered(needed)}, got '{factor.by}'")
+                if unit:
+                    for part in G.parts:
+                        needed, along = part.error_unit, factor.vector(G)[part.axes]
+                        if np.any(along) and units.factor(unit, needed) is None:
+                            raise InputError(f"expected {units.offered(needed)}, got '{factor.by}'")
 
 
 @dataclass(frozen=True)

@@ -314,10 +314,11 @@ class PartKind(Kind):
     def checked(self, value: Any, problems: Problems, group: MatrixLieGroup | None = None) -> Any:
         """Return the part that a value describes, or None after noting its errors."""
         part = super().checked(value, problems, group)
-        for name in () if part is None or problems else option_names(type(part)):
-            number, is_positive = getattr(part, name), name in part.positive
-            if number is not None and (is_positive or is_drawn(number)):
-                check_numbers(number, problems.at(name), is_positive)
+        if part is not None and not problems:
+            for name in option_names(type(part)):
+                number, is_positive = getattr(part, name), name in part.positive
+                if number is not None and (is_positive or is_drawn(number)):
+                    check_numbers(number, problems.at(name), is_positive)
         return part
 
 

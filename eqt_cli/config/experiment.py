@@ -174,9 +174,10 @@ class Experiment:
             )
         listed, loops = {each.name for each in self.metrics}, self.loops.values()
         plugin_metrics = metrics.defined_by(self.plugins.values())
-        for name in plugin_metrics if self.document.data.get("metrics") is None else ():
-            if name not in listed:
-                yield ("plugins",), f"{metrics.get(name)().unknown(loops)}: it is left out"
+        if self.document.data.get("metrics") is None:
+            for name in plugin_metrics:
+                if name not in listed:
+                    yield ("plugins",), f"{metrics.get(name)().unknown(loops)}: it is left out"
         yield from self._turns()
 
     def _turns(self) -> Iterator[tuple[KeyPath, str]]:
@@ -564,8 +565,9 @@ def gains_of(
     here = problems.at("gains")
     section = sections.kp_and_kd(config.gains, G, here)
     if config.gains is not None:
-        for name in [] if here else {"kp", "kd"} - section.keys():
-            here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
+        if not here:
+            for name in {"kp", "kd"} - section.keys():
+                here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
     elif any(law.law.reads_gains and len(law.gains) < 2 for law in laws.values()):
         here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
     shared = cache(partial(sections.gains_from, section, G, here))

@@ -113,12 +113,13 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
                 f"jumps at about t = {t:.4g} s, which engines may step over; give its times in "
                 "`instants(self, G, until)`",
             )
-    for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
-        yield (
-            ("estimator",),
-            f"no sensor measures the {part}, so the error of its estimate "
-            "grows without bound; add an entry for it to sensors.pose",
-        )
+    if loop.vehicle.estimator:
+        for part in loop.vehicle.schedule(G).unmeasured:
+            yield (
+                ("estimator",),
+                f"no sensor measures the {part}, so the error of its estimate "
+                "grows without bound; add an entry for it to sensors.pose",
+            )
 
 
 def _actuator_remarks(experiment: Experiment) -> Placed:

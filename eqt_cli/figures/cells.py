@@ -107,9 +107,10 @@ def prefix_units(panels: Iterable[Axes]) -> None:
             continue
         largest = max(abs(end) for axis in scales for end in axis.get_view_interval())
         exponent = 3 * int(np.floor(np.log10(largest) / 3))
-        for axis in scales if exponent in _PREFIXES else ():
-            axis.set_major_formatter(Prefixed(exponent))
-            axis.label.set_text(_UNIT.sub(_PREFIXES[exponent], axis.label.get_text()))
+        if exponent in _PREFIXES:
+            for axis in scales:
+                axis.set_major_formatter(Prefixed(exponent))
+                axis.label.set_text(_UNIT.sub(_PREFIXES[exponent], axis.label.get_text()))
 
 
 def number_values(axes: Axes, values: Array) -> None:

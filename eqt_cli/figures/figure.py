@@ -485,13 +485,13 @@ class Figure(Component, Generic[S]):
         validated(type(self), vars(self), problems)
         self.check(problems)
         problems.raise_if_any()
-        for source in results if self.needs_runs else ():
-            if isinstance(source, DesiredMotion):
-                others = [name for name in figures.names() if not figures.get(name).needs_runs]
-                raise EqtError(
-                    f"{source.path}: figure '{self.name}' shows results, and this is a "
-                    f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
-                )
+        not_run = [source.path for source in results if isinstance(source, DesiredMotion)]
+        if self.needs_runs and not_run:
+            others = [name for name in figures.names() if not figures.get(name).needs_runs]
+            raise EqtError(
+                f"{not_run[0]}: figure '{self.name}' shows results, and this is a "
+                f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
+            )
         with house_style(replace(style or HOUSE, width=width)), replaced(layout, "own_axes", axes):
             shown = self.subject(cast(Sequence[Result], results), measured)
             with blamed():

@@ -357,13 +357,14 @@ def hide_crowded(scale: Axis) -> None:
     """Hide the numbers of a horizontal or logarithmic scale that would cover the one before."""
     scale.get_tightbbox()  # which places them
     end, across = -np.inf, scale is scale.axes.xaxis
-    for tick in scale.majorTicks if across or scale.get_scale() == "log" else ():
-        box = tick.label1.get_window_extent()
-        first, last = (box.x0, box.x1) if across else (box.y0, box.y1)
-        if first < end:
-            tick.label1.set_visible(False)
-        elif tick.label1.get_visible():
-            end = last + _BETWEEN * scale.axes.figure.dpi * across
+    if across or scale.get_scale() == "log":
+        for tick in scale.majorTicks:
+            box = tick.label1.get_window_extent()
+            first, last = (box.x0, box.x1) if across else (box.y0, box.y1)
+            if first < end:
+                tick.label1.set_visible(False)
+            elif tick.label1.get_visible():
+                end = last + _BETWEEN * scale.axes.figure.dpi * across
 
 
 def _characters(room: float, size: float, sample: str = _SAMPLE) -> int:

@@ -141,8 +141,9 @@ class Summary(Panelled, OverTime):
             if not self.printed:
                 open_frame(axes)
                 layout.add_title(axes, _title(runs, signal))
-        for signal, part in zip(rows[0], parts, strict=True) if rows and self.printed else ():
-            layout.add_title(panels[signal], part_name(part))
+        if rows and self.printed:
+            for signal, part in zip(rows[0], parts, strict=True):
+                layout.add_title(panels[signal], part_name(part))
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
         whole = len(runs.shown) // len(runs.results)
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
@@ -261,9 +262,10 @@ class Torque(Panelled, OverTime):
         runs.note = ", ".join(filter(None, [counted, runs.note]))
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
-            for ensemble in runs.shown if name in wanted else ():
-                component = values[ensemble.label][..., k]
-                _draw_axis(panels[name], runs.times(ensemble), component, ensemble, signed)
+            if name in wanted:
+                for ensemble in runs.shown:
+                    component = values[ensemble.label][..., k]
+                    _draw_axis(panels[name], runs.times(ensemble), component, ensemble, signed)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
         sizes = [*map(_by_label, panels.values())]

@@ -565,9 +565,10 @@ class _About:
         for row, a in zip(rows, free, strict=True):
             T[row : row + 3, row : row + 3] = np.linalg.svd(a[None])[2]
         within = np.delete(T, rows, axis=0).T
-        for name in _POSES & self.others.keys() if free else ():  # an estimate turns with the body
-            at = self.others[name].start
-            T[at : at + 3, :3] -= np.outer(free[0], free[0])
+        if free:  # an estimate turns with the body
+            for name in _POSES & self.others.keys():
+                at = self.others[name].start
+                T[at : at + 3, :3] -= np.outer(free[0], free[0])
         T = np.delete(T, rows, axis=0)
         return tuple(Phase(T @ A @ within, T @ B, C @ within) for A, B, C in phases)
 

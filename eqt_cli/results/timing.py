@@ -58,7 +58,9 @@ def late_lines(result: Result, rows: Mapping[str, Mapping[str, Any]]) -> Iterato
     """Yield which law would answer too late, by the statistics of their calls."""
     control: Any = result.config.get("control") or {}
     period, delay = control.get("period"), control.get("delay", 0)
-    for label, row in rows.items() if isinstance(period, float) else ():
+    if not isinstance(period, float):
+        return
+    for label, row in rows.items():
         slow, title = row[STATISTICS[1]], result.title_of[label]
         flown = seconds(delay) if isinstance(delay, str) else delay * period
         if slow > period:

@@ -519,11 +519,12 @@ class Numbers:
         signals, over.holds = dict(sampled), self.holds
         if not self.balanced:
             signals["energy_balance"] = np.nan * signals["energy_balance"]
-        for metric in self.metrics if isinstance(over, Running) else ():
-            shapes = {name: np.shape(signals[name])[1:] for name in metric.signals}
-            whole = partial(metric.measure, window=metric.window)
-            if metric.is_own and not goes_by_samples(whole, shapes):
-                raise TraceError(f"metric {metric.name} does not go from sample to sample")
+        if isinstance(over, Running):
+            for metric in self.metrics:
+                shapes = {name: np.shape(signals[name])[1:] for name in metric.signals}
+                whole = partial(metric.measure, window=metric.window)
+                if metric.is_own and not goes_by_samples(whole, shapes):
+                    raise TraceError(f"metric {metric.name} does not go from sample to sample")
         numbers = {metric.name: self._number(metric, over, signals) for metric in self.metrics}
         away = distance_to_unstable(self.group, self.K, signals[POSE_ERROR])
         return numbers | {
@@ -805,8 +806,9 @@ class PartTask:
         base, piece = self.study.base, self.study.piece(0)
         kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
         with hurried(_is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
-            for label in kinds.values() if threads and isinstance(base.engine, Compiled) else ():
-                pool.submit(copy_context().run, _compile, piece, label)
+            if threads and isinstance(base.engine, Compiled):
+                for label in kinds.values():
+                    pool.submit(copy_context().run, _compile, piece, label)
             self._save_references()
 
     def _save_references(self) -> None:

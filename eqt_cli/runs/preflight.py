@@ -79,12 +79,13 @@ def rehearse(study: Study, *, solves: bool = False) -> list[str]:
         with trial(parts, problems, TOGETHER) as tried:
             problem = Problem.joined([batch.problem for _, batch in group])
             rates = _rates(problem)
-            for name, values in problem.loop.layout.split(rates).items() if solves else ():
-                if len(lost := values[~np.isfinite(values)]):
-                    raise InputError(
-                        f"{tried.name} gives no number at the start: the rate of "
-                        f"{name.replace('_', ' ')} is {lost[0]:g}"
-                    )
+            if solves:
+                for name, values in problem.loop.layout.split(rates).items():
+                    if len(lost := values[~np.isfinite(values)]):
+                        raise InputError(
+                            f"{tried.name} gives no number at the start: the rate of "
+                            f"{name.replace('_', ' ')} is {lost[0]:g}"
+                        )
             if not getattr(problem.loop.controller, "in_order", False):  # whose states count
                 _require_alone(problem, rates, tried.name)
             if solves:
