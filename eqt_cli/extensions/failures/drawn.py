@@ -61,7 +61,8 @@ class DrawnNumber:
 
     def of(self, parts: dict[str, Any]) -> float:
         """Return its value in the parts of a run."""
-        value = np.asarray(getattr(parts[self.place], self.name), dtype=float)
+        # Entries that are not drawn may be expressions.
+        value = np.asarray(getattr(parts[self.place], self.name), dtype=object)
         if not self.entry:
             return float(value.flat[0])
         # The diagonal of a matrix may have been a list.
