@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
+from itertools import combinations_with_replacement
 from typing import Any, Literal
 
 import numpy as np
@@ -23,9 +24,6 @@ GRID = 4
 
 NET = 8
 """Points for each of another number of axes that are tried first."""
-
-BATCH = 5
-"""Points of a later batch. Of 30 to 60 points, 5 at a time are as good as one at a time."""
 
 NEAR = 1e-4
 """Least distance of a point from those that were tried; nearer ones make the models singular."""
@@ -63,8 +61,50 @@ FLOOR = 1e-9
 BOLD = 0.3
 """Share of lost runs above the allowed one at which the other points of a batch are tried, too."""
 
-OVER, LOSS = 3.0, 10.0
-"""Weights of an excess, and of failed runs, against the logarithm of the objective."""
+LOSS = 10.0
+"""Weight of failed runs against the logarithm of the objective."""
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a search goes on after the first points.
+
+    Attributes
+    ----------
+    batch
+        Points of a later batch.
+    degree
+        Degree of the polynomial that the models add to radial basis functions.
+    hill
+        Level above that of the best point from which all points count as equally bad. Models that
+        follow a cliff are wrong in the valley.
+    over
+        Weight of an excess over a bound against the logarithm of the objective.
+    grows
+        Factor of this weight where the box would shrink about a point beyond a bound: there, the
+        objective falls faster than the weight makes up for.
+    widens
+        Factor of the box where the best point is at one of its faces.
+    looks
+        How often the search looks at the whole range again after its models were confirmed, since
+        the best point may lie elsewhere.
+    """
+
+    batch: int
+    degree: int
+    hill: float
+    over: float
+    grows: float
+    widens: float
+    looks: int
+
+
+FEW = Manner(batch=5, degree=1, hill=np.inf, over=3.0, grows=1.0, widens=1.0, looks=0)
+"""Up to three axes. Of 30 to 60 points, 5 at a time are as good as one at a time."""
+
+MANY = Manner(batch=4, degree=2, hill=0.5, over=10.0, grows=3.0, widens=2.0, looks=1)
+"""Four axes and more, where points are rare; chosen on four tasks of a satellite, an underwater
+vehicle and a quadrotor that tune four gains."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +241,8 @@ class ModelSearch:
         self.equal = np.array([bound.equal for bound in self.bounds], dtype=bool)
         self.aims = np.where(self.equal, 0.0, -INSIDE)
         self.most = np.where(self.equal, QUIET, 0.0)
+        self.manner = FEW if self.axes <= 3 else MANY
+        self.over = self.manner.over
 
     @property
     def left(self) -> int:
@@ -214,16 +256,18 @@ class ModelSearch:
             away = np.abs(first - self.start).max(axis=1)
             first = np.concatenate([[self.start], np.delete(first, away.argmin(), axis=0)])
         self.tried = yield self._distinct(first, [])
-        half, quiet, low, high = BOX, 0, np.zeros(self.axes), np.ones(self.axes)
+        half, quiet, looks = BOX, 0, self.manner.looks
+        low, high = np.zeros(self.axes), np.ones(self.axes)
         reserved = 3 if self.equal.any() else 0  # points to spend what is to be spent
         ended: Literal["sure", "budget"] = "budget"
         while self.left > reserved:
-            models = _Models.of(self.tried, self.bounds, self.allowed)
+            models = self._models()
             if models is None:  # nothing to learn from: no point has numbers
                 more = self._distinct(_candidates(self.axes)[len(self.tried) :: 97], [])
                 if not len(more):
                     break
-                self.tried = self.tried.joined((yield more[: min(BATCH, self.left - reserved)]))
+                more = more[: min(self.manner.batch, self.left - reserved)]
+                self.tried = self.tried.joined((yield more))
                 continue
             batch, promised = self._proposed(models, low, high, half)
             batch = batch[: self.left - reserved]
@@ -231,21 +275,39 @@ class ModelSearch:
             if len(batch):
                 self.tried = self.tried.joined((yield batch))
             now = self.best()
-            centre = self.tried.shares[self._merit().argmin()]
-            width = 0.1 * (high - low)
-            inside = ((centre > low + width) | (low <= 0)) & ((centre < high - width) | (high >= 1))
-            if not len(batch) or inside.all():
-                half = max(half / 2, SMALLEST)
-            low, high = np.maximum(centre - half, 0), np.minimum(centre + half, 1)
+            low, high, half = self._next_box(low, high, half, narrows=not len(batch))
             confirmed = now is not None and self._confirms(before, now, promised)
             quiet = quiet + 1 if confirmed or not len(batch) else 0
-            if quiet == 2:
+            if quiet == 2 and looks:
+                half, quiet, looks = BOX, 0, looks - 1
+                low, high = np.zeros(self.axes), np.ones(self.axes)
+            elif quiet == 2:
                 ended = "sure"
                 break
         best = self.best()
         if best is not None and self.equal.any():
             best = yield from self._spending(best)
         return Best(self.tried, self._nearest() if best is None else best, ended)
+
+    def _next_box(
+        self, low: Array, high: Array, half: float, *, narrows: bool
+    ) -> tuple[Array, Array, float]:
+        """Return the box about the best point, and half its width.
+
+        It is narrower where the best point is inside of the box, or where it `narrows` in any case.
+        """
+        assert self.tried is not None
+        at = self._merit().argmin()
+        centre, width = self.tried.shares[at], 0.1 * (high - low)
+        inside = ((centre > low + width) | (low <= 0)) & ((centre < high - width) | (high >= 1))
+        beyond = (self.tried.excess(self.bounds)[at] > self.most).any()
+        if inside.all() and beyond and self.manner.grows > 1:
+            self.over *= self.manner.grows
+        elif inside.all() or narrows:
+            half = max(half / 2, SMALLEST)
+        else:
+            half = min(half * self.manner.widens, BOX)
+        return np.maximum(centre - half, 0), np.minimum(centre + half, 1), half
 
     def best(self) -> int | None:
         """Return the best point that keeps the bounds, the first of equal ones; None without."""
@@ -275,8 +337,16 @@ class ModelSearch:
         assert self.tried is not None
         over = np.maximum(self.tried.excess(self.bounds), 0).sum(axis=1)
         lost = np.maximum(self.tried.lost - self.allowed, 0)
-        merit = _levels(self.tried.costs) + OVER * over + LOSS * lost
+        merit = _levels(self.tried.costs) + self.over * over + LOSS * lost
         return np.where(np.isfinite(merit), merit, np.inf)
+
+    def _models(self) -> _Models | None:
+        """Return models of what was tried; None if it is too little."""
+        assert self.tried is not None
+        columns = np.column_stack([_levels(self.tried.costs), self.tried.excess(self.bounds)])
+        if np.isfinite(top := columns[self._merit().argmin(), 0] + self.manner.hill):
+            columns[:, 0] = np.minimum(columns[:, 0], top)
+        return _Models.of(self.tried, columns, self.allowed, self.manner.degree)
 
     def _confirms(self, before: int | None, now: int, promised: tuple[float, Array]) -> bool:
         """Whether a batch gained nothing, and the models were right about their best point."""
@@ -327,7 +397,7 @@ class ModelSearch:
             far &= keeps & (lost <= self.allowed + BOLD)
             order = np.lexsort((levels, ~far))
         far &= np.linalg.norm(grid - best, axis=1) >= half / 2
-        while len(batch) < BATCH and far[order].any():
+        while len(batch) < self.manner.batch and far[order].any():
             point = grid[order[far[order].argmax()]]
             batch += list(self._distinct(point[None], batch))
             far &= np.linalg.norm(grid - point, axis=1) >= half / 2
@@ -344,7 +414,7 @@ class ModelSearch:
             return good & (self.tried.lost <= self.allowed) & np.isfinite(self.tried.costs)
 
         while self.left and not spends()[best]:
-            models = _Models.of(self.tried, self.bounds, self.allowed)
+            models = self._models()
             if models is None:
                 break
             grid = _candidates(self.axes)
@@ -380,6 +450,14 @@ def _levels(costs: Array) -> Array:
     return np.asarray(np.round(np.log(np.maximum(costs, FLOOR * largest)), DIGITS))
 
 
+def _determined(shares: Array, degree: int) -> bool:
+    """Whether points ``(points, axes)`` determine a polynomial, and one of them is left over."""
+    axes = shares.shape[1]
+    pairs = [*combinations_with_replacement(range(axes), 2)] if degree == 2 else []
+    terms = [np.ones(len(shares)), *shares.T, *(shares[:, i] * shares[:, j] for i, j in pairs)]
+    return bool(len(shares) > len(terms) and np.linalg.matrix_rank(np.array(terms)) == len(terms))
+
+
 @dataclass(frozen=True)
 class _Models:
     """Models of the level of the objective, of the excesses over bounds, and of lost runs."""
@@ -388,19 +466,26 @@ class _Models:
     lost: Any
 
     @classmethod
-    def of(cls, tried: Tried, bounds: Sequence[Constraint], allowed: float) -> _Models | None:
-        """Return models through all points with numbers; None if they are too few."""
+    def of(cls, tried: Tried, columns: Array, allowed: float, degree: int) -> _Models | None:
+        """Return models through all points with numbers; None if they are too few.
+
+        Parameters
+        ----------
+        columns : (points, 1 + bounds)
+            Level of the objective, and excesses.
+        degree
+            Degree of the polynomials, if the points determine them.
+        """
         from scipy.interpolate import RBFInterpolator
 
-        columns = np.column_stack([_levels(tried.costs), tried.excess(bounds)])
         # A point where only some runs failed still says what the others do.
         known = np.isfinite(columns).all(axis=1) & (tried.lost < 1)
-        axes = tried.shares.shape[1]
-        centred = tried.shares[known] - tried.shares[known].mean(axis=0) if known.any() else []
-        if np.count_nonzero(known) < axes + 2 or np.linalg.matrix_rank(centred) < axes:
-            return None
-        columns = np.round(columns[known], DIGITS)
-        numbers = RBFInterpolator(tried.shares[known], columns, kernel="cubic")
+        shares, columns = tried.shares[known], np.round(columns[known], DIGITS)
+        while not _determined(shares, degree):
+            if degree == 1:
+                return None
+            degree -= 1
+        numbers = RBFInterpolator(shares, columns, kernel="cubic", degree=degree)
         lost = None
         if (tried.lost > allowed).any():  # linear, which overshoots no step
             lost = RBFInterpolator(tried.shares, tried.lost, kernel="linear")

@@ -78,6 +78,27 @@ def test_it_comes_within_a_hundredth_of_a_dense_search_at_equal_effort(judge, ax
     assert tried.measured[point, 0] == pytest.approx(bound, rel=0.01)
 
 
+def cliff(shares):
+    """The valley beside a plateau that is up to 55 times as high."""
+    costs, spent = valley(shares)
+    x = 4 * shares - 2
+    return costs * np.exp(4 / (1 + np.exp(-6 * (x[:, 0] - x[:, 1] - 0.3)))), spent
+
+
+def dear(shares):
+    """Whose cost falls with the 40th power of what is spent, which is hardly ever 1.02 or less."""
+    away = shares - [0.6, 0.8, 0.3, 0.35]
+    spent = 1 + away**2 @ [3.0, 2.0, 1.0, 0.5]
+    return spent**-40 * np.exp(away @ [0.0, 1.0, -1.0, 0.5]), spent
+
+
+@pytest.mark.ci("a second")
+@pytest.mark.parametrize(("judge", "bound", "number"), [(cliff, 1.0, 2), (dear, 1.02, 0)])
+def test_four_gains_are_found_beside_a_cliff_and_where_little_may_be_spent(judge, bound, number):
+    best, _ = found(judge, 4, equal(bound), number=number)
+    assert best.tried.costs[best.point] <= 1.01 * dense(judge, 4, bound)
+
+
 def test_a_bound_is_kept_and_an_equality_met():
     for bound, low, high in ((at_most(3.0), 0.99, 1.0), (equal(3.0), 0.998, 1.001)):
         best, _ = found(wheel, 2, bound)
