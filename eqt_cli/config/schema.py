@@ -781,7 +781,8 @@ class TuneSection(SearchSection):
     over
         Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
         `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are
-        that law's own; keys of `gains` are tuned for every law.
+        that law's own; keys of `gains` are tuned for every law that reads them. A law without a key
+        is compared as it is.
     objective
         The metric to be made best, in the mean over runs; or a bound that is proved without runs:
         `certified_rate`, `push_bound`.

@@ -41,7 +41,7 @@ def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
         *(TUNE.configs, "Tuned", "Tuned laws on held-out runs"),
         tables=lambda: tuning_tables(result, record),
         figures={"fronts": _CAPTION} if has_fronts else {},
-        starts=[law["start"] for law in laws],
+        starts=[law["start"] for law in laws if law["over"]],
         further=searched.difference(w["label"] for law in laws for w in law["winners"]),
         premise=_PREMISE * is_sampled(record),
         pair=[*pair, best[0]["start"]] if len(best) == 1 else pair,

@@ -24,6 +24,10 @@ def coordinate_of(key: str) -> str:
     return key.partition(":")[0].replace("[", ".").replace("]", "")
 
 
+AS_IT_IS = "as it is"
+"""The only point of a law that has no key of the search."""
+
+
 def values_text(values: Mapping[str, float]) -> str:
     """Format values with short unambiguous keys: ``kp 2.1, kd[0] 0.5``."""
     short = {key: key.rpartition(".")[2] for key in values}
@@ -52,7 +56,8 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
         laws, place = record["laws"], result.labels.index
         searches = [search for law in laws for search in law["searches"]]
         winners = [winner for law in laws for winner in law["winners"]]
-        labels = [*(law["start"] for law in laws), *(w["label"] for w in winners)]
+        searched = [law for law in laws if law["over"]]  # others stay as they are
+        labels = [*(law["start"] for law in searched), *(w["label"] for w in winners)]
         wanted = list(record["objectives"])
         metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
         numbers = [
@@ -93,7 +98,8 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and all(isinstance(flag, bool) for flag in flags)
             and all(isinstance(words, str) for words in said)
             and all(set(bound) == _BOUND for bound in record["constraints"])
-            and all(place(w["label"]) < place(law["start"]) for law in laws for w in law["winners"])
+            and all(place(w["label"]) < place(x["start"]) for x in searched for w in x["winners"])
+            and all(law["start"] in result.labels for law in laws)
         )
     return False
 

@@ -39,7 +39,7 @@ from eqt_cli.extensions.search import fronts, law_search
 from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
-from eqt_cli.extensions.search.record import Kind
+from eqt_cli.extensions.search.record import AS_IT_IS, Kind
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -124,8 +124,9 @@ class Searches(ABC, Generic[S]):
         cls._check(section, base, here)
         problems.raise_if_any()
         laws = law_search.laws_of(base, ranges)
+        takes_fixed = cls._takes_fixed(section) and any(law.axes for law in laws)
         for law in laws:
-            if not law.axes:
+            if not (law.axes or takes_fixed):
                 here.at("over").add(
                     f"has no key of controller '{law.label}'; add one that all laws share, or "
                     "leave the controller out"
@@ -143,6 +144,11 @@ class Searches(ABC, Generic[S]):
     @abstractmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """Return the range of a key (None if it was invalid); `InputError` if it cannot vary."""
+
+    @classmethod
+    def _takes_fixed(cls, section: S) -> bool:
+        """Whether laws without a key of the search take part as they are."""
+        return False
 
     @classmethod
     @abstractmethod
@@ -400,8 +406,8 @@ def swept(law: LawSearch, columns: dict[str, list[float]]) -> Document:
     solver = dict(data.get("solver") or {})
     if "max_error" not in solver:
         solver.setdefault("error_estimate", False)
-    changes = {
-        "sweep": [{"zip": columns}],
+    changes: dict[str, Any] = {
+        "sweep": [{"zip": columns} if columns else {"cases": {AS_IT_IS: {}}}],
         "store": {"trajectories": "none"},
         "solver": solver | {"cross_check": 0},
     }

@@ -15,7 +15,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, brief, count_of, listed, significant
 from eqt_cli.extensions.search import fronts, ratios
 from eqt_cli.extensions.search.fronts import SHARES, Constraint, cases_of, equal_cost_table
-from eqt_cli.extensions.search.record import AGREEING, agree, values_text
+from eqt_cli.extensions.search.record import AGREEING, AS_IT_IS, agree, values_text
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result, mean_over_runs
@@ -133,7 +133,7 @@ def _samples(result: Result, record: Record) -> TextTable:
             if label is not None:
                 trained = float(result.quantity(name).cost(search["objectives"][0][0]))
                 failed = f"{100 * search['failed']:.3g} %"
-                values = values_text(search["values"])
+                values = values_text(search["values"]) or AS_IT_IS
                 cost = [values, significant(trained), significant(means[label]), failed]
             ended = search["points"] if search["ended"] == "sure" else f"{search['points']} (all)"
             number = f"{search['sample']}{' *' if label == law['label'] else ''}"
@@ -212,9 +212,9 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
         spreads = dict(zip(result.labels, _spreads(result.counted(name)), strict=True))
         rows = []
         for law in record["laws"]:
-            before = spreads[law["start"]]
+            before = spreads[law["start"]] if law["over"] else ""
             for winner in law["winners"]:
-                label, best = winner["label"], values_text(winner["values"])
+                label, best = winner["label"], values_text(winner["values"]) or AS_IT_IS
                 after, more = spreads[label], [winner["proved"]] if "proved" in winner else []
                 if is_sampled(record):
                     after = _WRITE.spread(*ratios.means(result, law, name))
@@ -243,6 +243,8 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
         yield searched(record)
     if is_sampled(record):
         yield from ratios.unequal(record)
+    if fixed := [law_title(law["label"]) for law in record["laws"] if not law["over"]]:
+        yield f"{AS_IT_IS.capitalize()}, since tune.over has no key of it: {listed(fixed)}."
     near = dict.fromkeys(
         f"{key} {end:g} of {law_title(law['label'])}"
         for law in record["laws"]
@@ -266,11 +268,13 @@ def searched(record: Record) -> str:
     """Describe the size of a search in a sentence."""
     cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
     if is_sampled(record):
-        points = [search["points"] for law in record["laws"] for search in law["searches"]]
+        laws = [law for law in record["laws"] if law["over"]]
+        points = [search["points"] for law in laws for search in law["searches"]]
         ends = " to ".join(dict.fromkeys(map(str, (min(points), max(points)))))
         samples = count_of(record["samples"], "training sample")
         return (
-            f"Searched: {ends} of at most {count_of(record['budget'], 'point')} for every law on "
+            f"Searched: {ends} of at most {count_of(record['budget'], 'point')} for every "
+            f"{'law' if len(laws) == len(record['laws']) else 'searched law'} on "
             f"{samples} of {count_of(record['runs'], 'run')}{cases}."
         )
     generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
@@ -300,7 +304,7 @@ def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
     labels = [
         label
         for law in record["laws"]
-        for label in (*(winner["label"] for winner in law["winners"]), law["start"])
+        for label in dict.fromkeys((*(winner["label"] for winner in law["winners"]), law["start"]))
     ]
     for entry, (case, result) in product(record["constraints"], cases.items()):
         bound = Constraint(**entry)

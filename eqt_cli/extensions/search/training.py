@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
@@ -20,7 +20,7 @@ from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Constraint
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
-from eqt_cli.extensions.search.record import values_text
+from eqt_cli.extensions.search.record import AS_IT_IS, values_text
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import columns, swept
 from eqt_cli.results.metrics import quantity_of
@@ -47,7 +47,7 @@ class Sampled(Protocol):
     def points(self) -> int: ...
     @property
     def runs_at_a_point(self) -> int: ...
-    def by_models(self, law: LawSearch, sample: int) -> ModelSearch: ...
+    def by_models(self, law: LawSearch, sample: int) -> ModelSearch | Fixed: ...
     def on_sample(self, document: Document, sample: int) -> Document: ...
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]: ...
 
@@ -74,6 +74,22 @@ class Training:
             return shares
         at = [[a.share(a.at(x)) for a, x in zip(axes, row, strict=True)] for row in shares.tolist()]
         return np.array(at).reshape(shares.shape)
+
+
+@dataclass
+class Fixed:
+    """In place of a search, the one point of a law without keys, whatever the bounds are."""
+
+    tried: Tried | None = None
+
+    def points(self) -> Generator[Array, Tried, Best]:
+        """Yield the point; what is sent back says how good it is."""
+        self.tried = yield np.empty((1, 0))
+        return Best(self.tried, self.best(), "sure")
+
+    def best(self) -> int | None:
+        """Return the point; None if no run has a number."""
+        return 0 if self.tried is not None and np.isfinite(self.tried.costs[0]) else None
 
 
 def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[Training, Best]:
@@ -106,7 +122,9 @@ def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[T
     return {key: ended[key] for key in searches}
 
 
-def _so_far(search: Sampled, law: LawSearch, searches: Mapping[Training, ModelSearch]) -> str:
+def _so_far(
+    search: Sampled, law: LawSearch, searches: Mapping[Training, ModelSearch | Fixed]
+) -> str:
     """Describe the best point of the first sample of a law so far."""
     of_law = [one for key, one in searches.items() if key.law is law]
     points = sum(0 if one.tried is None else len(one.tried) for one in of_law)
@@ -115,7 +133,7 @@ def _so_far(search: Sampled, law: LawSearch, searches: Mapping[Training, ModelSe
     best = first.best()
     if best is None or first.tried is None:
         return f"{done}, no feasible point so far"
-    values = values_text(law.values(first.tried.shares[best].tolist()))
+    values = values_text(law.values(first.tried.shares[best].tolist())) or AS_IT_IS
     cost = quantity_of(search.objectives[0]).cost(first.tried.costs[best])
     return f"{done}, best so far: {search.objectives[0]} {brief(float(cost))} at {values}"
 

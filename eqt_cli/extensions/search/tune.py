@@ -24,10 +24,10 @@ from eqt_cli.extensions.search import law_search
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch
-from eqt_cli.extensions.search.record import TUNE, values_text
+from eqt_cli.extensions.search.record import AS_IT_IS, TUNE, values_text
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
-from eqt_cli.extensions.search.training import Training, trained
+from eqt_cli.extensions.search.training import Fixed, Training, trained
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -100,17 +100,20 @@ class Search(Searches[TuneSection]):
         """Largest number of points of all searches for all laws."""
         if self.seeks_front:
             return super().points
-        return len(self.laws) * len(self.samples) * self.budget
+        each = sum(self.budget if law.axes else 1 for law in self.laws)
+        return each * len(self.samples)
 
     @property
     def size(self) -> list[str]:
         """The factors of `points`, in words."""
         if self.seeks_front:
             return super().size
+        fixed = sum(not law.axes for law in self.laws)
         return [
-            count_of(len(self.laws), "law"),
+            count_of(len(self.laws) - fixed, "law"),
             count_of(len(self.samples), "training sample"),
-            f"at most {count_of(self.budget, 'point')}",
+            f"at most {count_of(self.budget, 'point')}"
+            + (f", and {count_of(fixed, 'law')} {AS_IT_IS}" if fixed else ""),
         ]
 
     @property
@@ -120,8 +123,10 @@ class Search(Searches[TuneSection]):
             return super().settings
         return self.identity | {"budget": self.budget, "samples": len(self.samples)}
 
-    def by_models(self, law: LawSearch, sample: int) -> ModelSearch:
+    def by_models(self, law: LawSearch, sample: int) -> ModelSearch | Fixed:
         """Return the search for a law on a training sample."""
+        if not law.axes:
+            return Fixed()
         snapped = Training(law, sample).snapped
         return ModelSearch(
             len(law.axes), self.budget, self.bounds, self.allowed, sample - 1, law.start, snapped
@@ -175,7 +180,7 @@ class Search(Searches[TuneSection]):
             for law in self.laws
             for label, values in chosen[law.label].items()
         ]
-        starts = [_entry(law.document.data, started(law.label)) for law in self.laws]
+        starts = [_entry(law.document.data, started(law)) for law in self.laws if law.axes]
         data = self.base.document.data
         runs, seed = self.section.confirm.runs, self.section.confirm.seed
         seed = self.base.config.ensemble.seed + max(1, len(self.samples)) if seed is None else seed
@@ -269,6 +274,10 @@ class Search(Searches[TuneSection]):
         return axis
 
     @classmethod
+    def _takes_fixed(cls, section: TuneSection) -> bool:
+        return section.objectives is None and not prover_of(section)
+
+    @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
         prover = prover_of(section)
         if prover:
@@ -344,9 +353,9 @@ def _check_size(section: TuneSection, problems: Problems, *, proves: bool) -> No
             )
 
 
-def started(label: str) -> str:
-    """Return the label of a law at its starting gains."""
-    return f"{label}, start"
+def started(law: LawSearch) -> str:
+    """Return the label of a law at its starting gains; its own if it stays as it is."""
+    return f"{law.label}, start" if law.axes else law.label
 
 
 OF_LAWS = {
@@ -496,7 +505,7 @@ class Tuned:
         return {
             "label": law.label,
             "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},
-            "start": started(law.label),
+            "start": started(law),
             "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
             "why": self.best.get("why"),
             "winners": [
@@ -556,7 +565,8 @@ class Sampled:
         if self.best[sample].point is None:
             return None
         label = self.law.label
-        return label if sample == self.winner else f"{label}, sample {sample}"
+        is_own = sample == self.winner or not self.law.axes
+        return label if is_own else f"{label}, sample {sample}"
 
     def values(self, sample: int) -> dict[str, float]:
         """Return the values that were found on a sample, by key."""
@@ -573,12 +583,12 @@ class Sampled:
     def record(self) -> dict[str, Any]:
         """Return the winner, and what was found on each sample, for the record of the search."""
         law, searches = self.law, [self._searched(sample) for sample in self.best]
-        won = [one for one in searches if one["label"] == law.label]
+        won = [one for one in searches if one["sample"] == self.winner]
         config = law_search.config_files(TUNE, law, 1)[0]
         return {
             "label": law.label,
             "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},
-            "start": started(law.label),
+            "start": started(law),
             "why": None if won else self._why(),
             "winners": [
                 one | {"config": config, "objectives": one["objectives"][0]} for one in won
