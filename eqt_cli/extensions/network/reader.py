@@ -812,15 +812,23 @@ def of_rltools(made: bytes, path: Path) -> Built:
     except Exception as error:
         raise InputError(f"{name}: is not an HDF5 file: {error}") from error
     with file:
-        actor = _Checkpoint(name, file)
-        inputs, expected = (actor.numbers(f"example/{key}") for key in ("input", "output"))
-        if inputs.ndim != 3 or expected.ndim != 3:
-            raise InputError(f"{name}: expected examples of steps, batches and numbers")
-        built = Built(name)
-        result = actor.layer(built, "actor", built.input("x", [inputs.shape[-1]]))
-        built.outputs = {"y": (str(result), [built.size(result)]), **built.outputs}
-        sequence = slice(None, EXAMPLES), 0
-        built.examples = [inputs[sequence].tolist(), expected[sequence].tolist()]
+        try:
+            return _actor(name, _Checkpoint(name, file))
+        except InputError:
+            raise
+        except Exception as error:  # of h5py many
+            raise InputError(f"{name}: is damaged: {error}") from error
+
+
+def _actor(name: str, actor: "_Checkpoint") -> Built:
+    inputs, expected = (actor.numbers(f"example/{key}") for key in ("input", "output"))
+    if inputs.ndim != 3 or expected.ndim != 3:
+        raise InputError(f"{name}: expected examples of steps, batches and numbers")
+    built = Built(name)
+    result = actor.layer(built, "actor", built.input("x", [inputs.shape[-1]]))
+    built.outputs = {"y": (str(result), [built.size(result)]), **built.outputs}
+    sequence = slice(None, EXAMPLES), 0
+    built.examples = [inputs[sequence].tolist(), expected[sequence].tolist()]
     return built
 
 

@@ -469,7 +469,12 @@ def unknown(file):
     file["actor/layers/1"].attrs["type"] = "lstm"
 
 
+def counted(file):
+    file["actor/layers/1"].attrs.update(type="mlp", num_layers="two")
+
+
 CHECKPOINTS = {
+    counted: "is damaged: invalid literal for int() with base 10: 'two'",
     linked: "has no actor/layers/0/weights/parameters, which a checkpoint of RLtools has",
     outside: "actor/layers/0/weights/parameters: expected at most 4,000,000 numbers in this file",
     unknown: "has the layer lstm at actor/layers/1, which eqt does not compute",
