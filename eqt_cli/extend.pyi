@@ -40,6 +40,7 @@ from eqt_cli.base.option_types import CountOrNone as CountOrNone
 from eqt_cli.base.option_types import Positive as Positive
 from eqt_cli.base.option_types import Real as Real
 from eqt_cli.base.option_types import Scale as Scale
+from eqt_cli.base.option_types import Unit as Unit
 from eqt_cli.base.registry import Keys as Keys
 from eqt_cli.base.registry import load_plugin as load_plugin
 from eqt_cli.base.reporting import Block as Block

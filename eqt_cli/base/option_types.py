@@ -75,8 +75,8 @@ class _FiniteReal:
 TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
 STIFFNESS, MOMENTUM, INERTIA = "stiffness", "momentum", "inertia"
 POSE, VELOCITY = "pose", "velocity"
-MEASURED = "measured"
-"""The unit of `POSE` or `VELOCITY`, by the place of a sensor."""
+MEASURED, DENSITY, WALK = "measured", "measured density", "measured walk"
+"""The unit of `POSE` or `VELOCITY`, by the place of a sensor; of its noise, and of its drift."""
 ANY = "any"
 """Any unit, for a number that is read before its key is known."""
 
@@ -93,6 +93,9 @@ _OF_PART = {
     "accelerometer": "m/s^2",
 }
 """Units that differ between the parts of a group, by their velocity unit ``of/per``."""
+
+_MEASURED = {MEASURED: "", DENSITY: " sqrt(s)", WALK: "/sqrt(s)"}
+"""What follows the unit of a measurement."""
 
 _PARTS = (("rad", "s", "N m"), ("m", "s", "N"), ("m", "s^2", "N s"))
 """Units of velocities and forces of the parts of all groups, where the group is not known."""
@@ -117,13 +120,13 @@ class UnitPlace(NamedTuple):
 
     def units(self, unit: str) -> dict[str, tuple[str, slice]]:
         """Return the unit of each part by name, with its coordinates."""
-        unit = self.measured if unit == MEASURED else unit
-        by_part = {}
+        more, by_part = _MEASURED.get(unit, ""), {}
+        unit = self.measured if unit in _MEASURED else unit
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
             if self.of in ("", part.name):
                 part_unit = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
-                by_part[part.name] = part_unit, part.axes
+                by_part[part.name] = part_unit + more, part.axes
         return by_part
 
 
@@ -165,12 +168,12 @@ class _InUnit:
         """Return the value, in which texts have the units that they may have."""
         if isinstance(value, int | float):
             return value
-        if self.unit not in (*_OF_PART, MEASURED):
+        if self.unit not in (*_OF_PART, *_MEASURED):
             return _tagged(value, [self.unit])
         if place.group is None:
-            kinds = (POSE, VELOCITY) if self.unit == MEASURED else (self.unit,)
+            kinds = (POSE, VELOCITY) if self.unit in _MEASURED else (self.unit,)
             units = [
-                _OF_PART[kind].format(force=force, of=of, per=per)
+                _OF_PART[kind].format(force=force, of=of, per=per) + _MEASURED.get(self.unit, "")
                 for kind in kinds
                 for of, per, force in _PARTS
             ]
@@ -228,11 +231,14 @@ def number_of(value: Any) -> Any:
     for allowed in units:
         if (size := factor(unit, base_of(unit) if allowed == ANY else allowed)) is not None:
             return number * size
-    plain = expected if units else "a number that has no unit"
+    plain = expected if units else NO_UNIT
     si = base_of(unit)
     converted = "" if si == unit else f", which is {number * (factor(unit, si) or 1):.6g} {si}"
     raise ValueError(f"expected {plain}, got '{value}'{converted}")
 
+
+NO_UNIT = "a number that has no unit"
+"""What is expected where an option declares no unit."""
 
 _WITH_A_UNIT = re.compile(
     r"(?!0[xXbBoO])[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?(?: +|(?![eE]))(?!pi\b)[A-Za-zµμ%][\w/*^² ]*"
@@ -511,6 +517,8 @@ def _note_errors(
             messages[path] = f"{MISSING}: {meaning}".removesuffix(": ")
         elif code == "value_error":
             messages[path] = str(context["error"])
+            if NO_UNIT in messages[path] and any(is_foreign(of.__module__) for of in owners(kind)):
+                messages[path] += '; a plugin declares units by Annotated[Numbers, Unit("rad")]'
         else:
             words = _expectation(code, context) if code in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)

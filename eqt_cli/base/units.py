@@ -11,11 +11,12 @@ from typing import TypeAlias
 
 from eqt_cli.base.reporting import listed
 
-Dimension: TypeAlias = tuple[int, int, int, int, int]
-"""Exponents of kg, m, s, rad and A."""
+Dimension: TypeAlias = tuple[float, float, float, float, float]
+"""Exponents of kg, m, s, rad and A; halves in densities of noise, ``deg/sqrt(h)``."""
 
 _MASS, _LENGTH, _TIME, _ANGLE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 1, 0)
 _FORCE, _TORQUE, _FIELD = (1, 1, -2, 0, 0), (1, 2, -2, 0, 0), (1, 0, -2, 0, -1)
+_ACCELERATION = (0, 1, -2, 0, 0)
 _PI = 3.141592653589793
 
 _SYMBOLS: dict[str, tuple[float, Dimension]] = {
@@ -41,6 +42,9 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "Hz": (1.0, (0, 0, -1, 0, 0)),
     "rpm": (_PI / 30, (0, 0, -1, 1, 0)),
     "A": (1.0, (0, 0, 0, 0, 1)),
+    # Of data sheets of accelerometers, by standard gravity; nothing here weighs a milligram.
+    "ug": (9.80665e-6, _ACCELERATION),
+    "mg": (9.80665e-3, _ACCELERATION),
     **{f"{prefix}T": (size, _FIELD) for prefix, size in (("", 1.0), ("u", 1e-6), ("n", 1e-9))},
     **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
@@ -57,7 +61,7 @@ _OFFERED: dict[str, tuple[str, ...]] = {
     "a length": ("m", "cm", "mm", "km"),
     "an angular velocity": ("rad/s", "deg/s", "rpm"),
     "a velocity": ("m/s", "cm/s", "mm/s", "km/h"),
-    "an acceleration": ("m/s^2",),
+    "an acceleration": ("m/s^2", "ug", "mg"),
     "an angular acceleration": ("rad/s^2", "deg/s^2"),
     "a torque": ("N m", "mN m", "uN m"),
     "a force": ("N", "mN", "kN"),
@@ -70,38 +74,53 @@ _OFFERED: dict[str, tuple[str, ...]] = {
     "a force per time": ("N/s",),
     "a rate": ("1/s", "Hz"),
     "a magnetic field": ("T", "uT", "nT"),
+    "an angle random walk": ("rad/sqrt(s)", "deg/sqrt(h)", "deg/h/sqrt(Hz)", "deg/s/sqrt(Hz)"),
+    "a rate random walk": ("rad/s/sqrt(s)", "deg/h/sqrt(h)", "deg/h/sqrt(s)"),
+    "a velocity random walk": ("m/s/sqrt(s)", "m/s/sqrt(h)", "ug/sqrt(Hz)"),
+    "a position random walk": ("m/sqrt(s)", "mm/s/sqrt(Hz)"),
+    "an acceleration random walk": ("m/s^2/sqrt(s)", "ug/sqrt(h)"),
+    "a density of an angle": ("rad sqrt(s)", "arcsec/sqrt(Hz)"),
+    "a density of a length": ("m sqrt(s)", "mm/sqrt(Hz)"),
+    "a density of a magnetic field": ("T sqrt(s)", "nT/sqrt(Hz)"),
 }
 """Units that messages offer, the first one that of eqt, by the name of their dimension."""
 
 _ALIKE = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "²": "^2", "³": "^3", "·": " ", "*": " "})
 _SYMBOL = "|".join(sorted(map(re.escape, _SYMBOLS), key=len, reverse=True))
-_TERM = rf"(?:{_SYMBOL})(?![A-Za-z])(?:\^-?[0-9])?"
+_TERM = rf"(?:sqrt\((?:{_SYMBOL})\)|(?:{_SYMBOL})(?![A-Za-z])(?:\^-?[0-9])?)"
 _PRODUCT = rf"{_TERM}(?:(?: */ *| +){_TERM})*"
 _UNIT = rf"(?:\({_PRODUCT}\)(?:\^-?[0-9])?(?:(?: */ *| +){_TERM})*|{_PRODUCT})"
+_FACTOR = rf"(/?) *(sqrt\()?({_SYMBOL})(?![A-Za-z])\)?(?:\^(-?\d))?"
 _NUMBER_AND_UNIT = re.compile(rf"(.*?(?:[\d.)]|\bpi))(?: +(?=1)| *(?!1))({_UNIT})\s*")
+
+
+def _spelled(text: str) -> str:
+    """Return a text with ``^`` for powers and ``sqrt(h)`` for ``√h``."""
+    return re.sub(r"√ *(?:\( *(\w+) *\)|(\w+))", r"sqrt(\1\2)", text.replace("**", "^"))
 
 
 @lru_cache(maxsize=256)
 def size_of(unit: str) -> tuple[float, Dimension] | None:
     """Return the factor of a unit to kg, m, s, rad and A, and its dimension; None if unknown."""
-    text = " ".join(unit.replace("**", "^").translate(_ALIKE).split())
+    text = " ".join(_spelled(unit).translate(_ALIKE).split())
     if not re.fullmatch(_UNIT, text):
         return None
-    factors: list[tuple[float, Dimension, int]] = []
+    factors: list[tuple[float, Dimension, float]] = []
     if bracket := re.match(r"\((.*)\)(?:\^(-?\d))?", text):
         inner = size_of(bracket[1])
         assert inner is not None  # it is a product of known symbols
         factors.append((*inner, int(bracket[2] or 1)))
         text = text[bracket.end() :]
-    for slash, symbol, exponent in re.findall(rf"(/?) *({_SYMBOL})(?![A-Za-z])(?:\^(-?\d))?", text):
-        factors.append((*_SYMBOLS[symbol], int(exponent or 1) * (-1 if slash else 1)))
+    for slash, root, symbol, exponent in re.findall(_FACTOR, text):
+        power = 0.5 if root else int(exponent or 1)
+        factors.append((*_SYMBOLS[symbol], -power if slash else power))
     a, b, c, d, e = (sum(power * base[k] for _, base, power in factors) for k in range(5))
     return prod(size**power for size, _, power in factors), (a, b, c, d, e)
 
 
 def split(text: str) -> tuple[str, str] | None:
     """Return the number and the unit of ``20 ms`` or ``pi/2 rad``; None for a text without unit."""
-    match = _NUMBER_AND_UNIT.fullmatch(text.strip().replace("**", "^").translate(_UNIT_SIGNS))
+    match = _NUMBER_AND_UNIT.fullmatch(_spelled(text.strip()).translate(_UNIT_SIGNS))
     return (match[1].replace("^", "**"), match[2]) if match else None
 
 

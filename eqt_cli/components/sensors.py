@@ -10,7 +10,17 @@ from numpy.random import Generator
 
 from eqt_cli.base.arrays import Array, less, where
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import MEASURED, CountOrTime, Offset, Positive, Real, Scale, Unit
+from eqt_cli.base.option_types import (
+    DENSITY,
+    MEASURED,
+    WALK,
+    CountOrTime,
+    Offset,
+    Positive,
+    Real,
+    Scale,
+    Unit,
+)
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -131,7 +141,7 @@ class Bias(Sensor):
     departs: ClassVar[str] = "measurements with bias"
 
     value: Annotated[vehicle_parts.Numbers, Unit(MEASURED)] = 0.0
-    walk: vehicle_parts.Numbers = 0.0
+    walk: Annotated[vehicle_parts.Numbers, Unit(WALK)] = 0.0
 
     def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
@@ -235,7 +245,7 @@ class Noise(Sensor):
     departs: ClassVar[str] = "measurements with noise"
 
     std: Annotated[vehicle_parts.Numbers | None, Unit(MEASURED)] = None
-    density: vehicle_parts.Numbers | None = None
+    density: Annotated[vehicle_parts.Numbers | None, Unit(DENSITY)] = None
 
     def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
