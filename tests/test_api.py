@@ -491,7 +491,9 @@ def examples(tmp_path_factory):
     return folder
 
 
-DEMANDING = "animate diff export fit plot replay report run sweep tune verify worst".split()
+DEMANDING = (
+    "animate diff error_budget export fit plot replay report run sweep tune verify worst"
+).split()
 PUBLIC = [name for name in eqt_cli.api.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
 
 

@@ -19,6 +19,7 @@ from eqt_cli.api.running import sweep as sweep
 from eqt_cli.base.reporting import Reporter as Reporter
 from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.config.study import Study as Study
+from eqt_cli.extensions.budget import *
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.proofs import *
 from eqt_cli.extensions.recordings import *

@@ -58,6 +58,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "lever": {"at": [0.1, 0.2, 0.3]},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
+    "drift": {"time": 5.0, "std": 0.1},
     "rate_loop": {"gains": 2.0, "cutoff": 3.0, "kd": 0.01, "feedforward": 0.1},
     "thrusters": {"matrix": [[1.0 * (row == k) + 0.1 * (k > 5) for k in range(8)] for row in
         range(6)], "low": -0.5, "high": 0.4, "time_constant": 0.2},

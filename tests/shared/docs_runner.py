@@ -6,8 +6,8 @@ Blocks of a page work in one folder, from top to bottom:
 - `python` without is executed, with the names of the blocks before it;
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
-- `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` and searches of `eqt tune` are
-  made small, those of shipped configurations and of pages without `output` coarse, sweeps also
+- `sh` is one command a line; ensembles of `eqt run`, `sweep` and `budget` and searches of `eqt
+  tune` are made small, those of shipped configurations and of pages without `output` coarse, sweeps also
   short; figures are drawn in one format, and animations are brief;
 - `output` is what the block before it prints, where … stands for any text.
 
@@ -153,6 +153,8 @@ def run_command(line, shows_digits=True):
         words += ["--set=tune.budget=6", "--set=tune.samples=1"]  # with which it may go on later
     elif words[:2] == ["eqt", "worst"] and shipped:
         words += [*SMALL, *FEWER, *SHORT]
+    elif words[:2] == ["eqt", "budget"]:
+        words += ["--set=ensemble.runs=5", *COARSE]
     elif words[:2] == ["eqt", "run"] and mine:
         words += [*SMALL, *([] if shows_digits and not shipped else COARSE)]
     elif words[0] == "eqt" and words[1] in BRIEF and BRIEF[words[1]][0] not in words:

@@ -1,8 +1,10 @@
 """From a data sheet to an error budget: drift as sheets state it, and `eqt budget`."""
 
-from eqt_cli.base.extensions import Extension
+from eqt_cli.base.extensions import READ, Extension
 
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("sensors", "drift", "drift")
+    example = "examples/budget/cubesat12.yaml --window 100:"
+    extension.add_command("budget", "commands.budget", READ, example, after="margins")

@@ -1,0 +1,435 @@
+"""The error budget of an experiment: what each imperfection costs, alone and with the others.
+
+For each law, the mean square of an error over a window is computed from the same starts and draws:
+with all imperfections, with each one left out, and with each one alone. Of a loop that is linear
+near rest, with independent sources of mean 0, the mean squares add up; what is left over is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, InputError, suggestion
+from eqt_cli.base.registry import blamed
+from eqt_cli.base.reporting import step
+from eqt_cli.base.stored import Status, signal_of
+from eqt_cli.config.document import changed_at
+from eqt_cli.config.study import Study, study
+from eqt_cli.engines.engine import hurried
+from eqt_cli.extensions.budget.quantiles import LEVEL, Interval, mixed, of_runs
+from eqt_cli.extensions.budget.sources import Source, sources_of, without, without_all
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.signals import existing
+from eqt_cli.results.quantity import Window
+from eqt_cli.runs.compute_part import compute_part, shared_reference
+from eqt_cli.runs.executors import Executor, TaskContext
+
+ERRORS = ("attitude_angle", "pointing_error", "position_error", "heading_error")
+"""Errors of a budget; the first one that a loop has is the default."""
+
+SHARES = (0.5, 0.95, 0.997)
+"""Quantiles that are told by default."""
+
+LEAST_RUNS = 5
+"""Runs of a budget; Student's interval of fewer says next to nothing."""
+
+
+class Row(NamedTuple):
+    """What one source costs.
+
+    Attributes
+    ----------
+    source
+        The source.
+    alone
+        The root mean square that it adds to the loop without imperfections; negative where it
+        lowers the error.
+    beside
+        The root mean square that goes if it alone is left out.
+    """
+
+    source: Source
+    alone: Interval
+    beside: Interval | None = None
+
+
+class Quantile(NamedTuple):
+    """A quantile of the whole error, by each interpretation.
+
+    Attributes
+    ----------
+    share
+        Of runs, of time, or of both.
+    ensemble
+        Over runs, of the largest error of each in the window.
+    temporal
+        Over the time of each run, of the median run.
+    worst
+        The same of the worst run.
+    mixed
+        Over all samples of all runs.
+    """
+
+    share: float
+    ensemble: Interval
+    temporal: Interval
+    worst: float
+    mixed: Interval
+
+
+@dataclass(frozen=True)
+class LawBudget:
+    """The budget of one law.
+
+    Attributes
+    ----------
+    label, title
+        Label and display name.
+    runs, failed
+        Runs that count, and those left out because they fail in some variant.
+    total
+        The root mean square with all imperfections.
+    peak
+        The largest error of all runs.
+    rows
+        What stays without imperfections, then the sources, the most expensive first.
+    quantiles
+        Of the error with all imperfections.
+    """
+
+    label: str
+    title: str
+    runs: int
+    failed: int
+    total: Interval
+    peak: float
+    rows: list[Row]
+    quantiles: list[Quantile]
+
+    @property
+    def root_sum_square(self) -> float:
+        """The root of the sum of all squares of sources alone, with their signs."""
+        return _root(sum(_square(row.alone.value) for row in self.rows))
+
+    @property
+    def left_over(self) -> float:
+        """The root mean square of the whole that the sum does not explain, with its sign."""
+        return _root(_square(self.total.value) - _square(self.root_sum_square))
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The error budget of an experiment.
+
+    Attributes
+    ----------
+    name
+        Name of the experiment.
+    error, unit
+        The signal of the budget, and the unit of its numbers.
+    window
+        The window of time.
+    laws
+        The budget of each law.
+    """
+
+    name: str
+    error: str
+    unit: str
+    window: Window
+    laws: list[LawBudget]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a flat row for each source of each law."""
+        return [
+            {"law": law.label, "key": row.source.key, "source": row.source.words}
+            | {f"alone_{end}": x for end, x in row.alone._asdict().items() if end != "needed"}
+            | {"with_others": row.beside.value if row.beside else None, "unit": self.unit}
+            for law in self.laws
+            for row in law.rows
+        ]
+
+    def record(self) -> dict[str, Any]:
+        """Return the budget as data for JSON."""
+        return {
+            "name": self.name,
+            "error": self.error,
+            "unit": self.unit,
+            "window": str(self.window),
+            "laws": [_record(law) for law in self.laws],
+        }
+
+
+def _record(law: LawBudget) -> dict[str, Any]:
+    rows = [
+        {"key": row.source.key, "source": row.source.words, "alone": row.alone._asdict()}
+        | {"with_others": row.beside and row.beside._asdict()}
+        for row in law.rows
+    ]
+    quantiles = [
+        {key: x._asdict() if isinstance(x, Interval) else x for key, x in each._asdict().items()}
+        for each in law.quantiles
+    ]
+    return {
+        **{key: value for key, value in asdict(law).items() if key not in ("rows", "quantiles")},
+        "total": law.total._asdict(),
+        "root_sum_square": law.root_sum_square,
+        "left_over": law.left_over,
+        "rows": rows,
+        "quantiles": quantiles,
+    }
+
+
+# The runs -----------------------------------------------------------------------------------------
+
+ALL, IDEAL, SAMPLED, SILENT = "all", "ideal", "sampled", "silent"
+"""Variants: with all sources; with none, and without a clock; with a clock; and with the estimator
+and the instants of the measurements."""
+
+
+def _loop(loop: ClosedLoop, variant: tuple[str, str]) -> ClosedLoop:
+    """Return the loop of a variant: one of the four, or a source ``alone`` or ``beside`` others."""
+    kind, key = variant
+    if kind == "beside":
+        return without(loop, {key})
+    if kind == "alone":
+        return without(loop, {source.key for source in sources_of(loop)} - {key})
+    if kind == ALL:
+        return loop
+    return without_all(loop, filtered=kind == SILENT, sampled=kind != IDEAL)
+
+
+@dataclass(frozen=True)
+class _Variants:
+    """The parts of all variants, as a task of an executor."""
+
+    base: Study
+    variants: tuple[tuple[str, str], ...]
+    error: str
+    _studies: dict[int, Study] = field(default_factory=dict, init=False)
+    _references: list[Any] = field(default_factory=list, init=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_studies": {}, "_references": []}
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of a variant."""
+        return len(self.base.plan)
+
+    def runs_of(self, item: int) -> int:
+        return len(self.base.plan.part(item % self.parts))
+
+    def origin(self) -> dict[str, Any]:
+        return {}
+
+    @blamed()
+    def __call__(self, item: int, context: TaskContext) -> Any:
+        """Compute a part of a variant, and return status and error of its runs."""
+        number = item // self.parts
+        if number not in self._studies:
+            base, variant = self.base.base, self.variants[number]
+            loops = {label: _loop(loop, variant) for label, loop in base.loops.items()}
+            self._studies[number] = Study(None, replace(base, loops=loops))
+        one = self._studies[number]
+        with hurried():
+            if not self._references:
+                self._references.append(shared_reference(self.base))
+            part = self.base.plan.part(item % self.parts)
+            slab = compute_part(one, part, self._references[0], context)
+        return slab.data["status"], slab.data[self.error]
+
+
+def _computed(task: _Variants, executor: Executor) -> tuple[Array, Array]:
+    """Return status ``(variants, laws, runs)`` and errors ``(variants, laws, runs, samples)``."""
+    base, count = task.base.base, len(task.variants)
+    shape = count, len(base.loops), base.config.ensemble.runs
+    status, errors = np.ones(shape, dtype=int), np.full((*shape, len(base.times)), np.nan)
+    with step("runs", int(np.prod(shape))):
+        for outcome in executor.outcomes(task, range(count * task.parts)):
+            if outcome.value is None:
+                raise EqtError("a worker was lost; run the same command again, with fewer workers")
+            variant, number = divmod(outcome.item, task.parts)
+            part = task.base.plan.part(number)
+            place = variant, part.controller, part.run_numbers
+            status[place], errors[place] = outcome.value
+    return status, errors
+
+
+# The numbers --------------------------------------------------------------------------------------
+
+
+def _square(x: float) -> float:
+    return x * abs(x)
+
+
+def _root(x: float) -> float:
+    return float(np.sign(x) * np.sqrt(abs(x)))
+
+
+def rooted_mean(squares: Array) -> Interval:
+    """Return the root of a mean over runs with Student's interval of the mean, and their signs."""
+    from scipy.stats import t as student
+
+    mean = squares.mean()
+    width = student.ppf((1 + LEVEL) / 2, len(squares) - 1) * squares.std(ddof=1)
+    width /= np.sqrt(len(squares))
+    return Interval(_root(mean), _root(mean - width), _root(mean + width))
+
+
+def quantiles_of(errors: Array, shares: Sequence[float]) -> list[Quantile]:
+    """Return quantiles of errors ``(runs, samples)`` by all interpretations."""
+    largest, listed = errors.max(axis=1), []
+    for share in shares:
+        over_time = np.quantile(errors, share, axis=1)
+        listed.append(
+            Quantile(
+                share,
+                of_runs(largest, share),
+                of_runs(over_time, 0.5),
+                float(over_time.max()),
+                mixed(errors, share),
+            )
+        )
+    return listed
+
+
+def _law_budget(
+    label: str,
+    title: str,
+    sources: Sequence[Source],
+    squares: dict[tuple[str, str], Array],
+    errors: Array,
+    shares: Sequence[float],
+    failed: int,
+) -> LawBudget:
+    """Return the budget of a law from mean squares of each run, by variant."""
+    whole, silent = squares[ALL, ""], squares[SILENT, ""]
+    rows = [
+        Row(
+            source,
+            rooted_mean(squares["alone", source.key] - silent),
+            rooted_mean(whole - squares["beside", source.key]),
+        )
+        for source in sources
+    ]
+    rows.sort(key=lambda row: -row.alone.value)
+    stays = list(_stays(squares))
+    total, peak = rooted_mean(whole), float(errors.max())
+    quantiles = quantiles_of(errors, shares)
+    return LawBudget(label, title, len(whole), failed, total, peak, stays + rows, quantiles)
+
+
+def _stays(squares: dict[tuple[str, str], Array]) -> Iterator[Row]:
+    """Yield what is left without sources: start and reference, sampling, the estimator."""
+    before = np.zeros_like(squares[ALL, ""])
+    words = {
+        IDEAL: "start and reference",
+        SAMPLED: "sampling of the law",
+        SILENT: "estimator and times of measurements",
+    }
+    for kind, what in words.items():
+        if (kind, "") in squares:
+            yield Row(Source("", what), rooted_mean(squares[kind, ""] - before))
+            before = squares[kind, ""]
+
+
+def _error_of(base: Study, wished: str) -> str:
+    """Return the wished error, or the first one that the loops have."""
+    present = [name for name in ERRORS if name in existing(base.base.loop)]
+    if not present:
+        raise EqtError(f"{base.name}: has none of the errors {', '.join(ERRORS)}")
+    if wished and wished not in present:
+        hint = suggestion(wished, present) or f"; there are: {', '.join(present)}"
+        raise EqtError(f"unknown error '{wished}'{hint}")
+    return wished or present[0]
+
+
+def _variants(base: Study, sources: Sequence[Source]) -> Iterator[tuple[str, str]]:
+    """Yield the variants to compute; without a clock, no law is there that needs one."""
+    loop = base.base.loop
+    if not loop.vehicle.control:
+        yield IDEAL, ""
+    else:
+        yield SAMPLED, ""
+    yield SILENT, ""
+    yield ALL, ""
+    for source in sources:
+        yield "alone", source.key
+        yield "beside", source.key
+
+
+def budget(
+    base: Study,
+    executor: Executor,
+    *,
+    error: str = "",
+    window: Window | None = None,
+    shares: Sequence[float] = SHARES,
+) -> Budget:
+    """Return the error budget of an experiment.
+
+    Parameters
+    ----------
+    base
+        An experiment without a sweep.
+    error
+        One of `ERRORS`. Default: the first one that the loops have.
+    window
+        The window of time. Default: the whole horizon.
+    shares
+        Quantiles of the whole error to tell.
+
+    Raises
+    ------
+    EqtError
+        If it is a sweep, has too few runs, no such error, nothing to switch off, or if runs fail.
+    """
+    window = window or Window()
+    if base.sweep is not None:
+        raise EqtError(f"{base.name}: is a sweep; choose one point of it: --point N")
+    runs = base.base.config.ensemble.runs
+    if runs < LEAST_RUNS:
+        raise EqtError(
+            f"ensemble.runs: expected at least {LEAST_RUNS} for a budget, got {runs}; "
+            "--set ensemble.runs=50"
+        )
+    place = "eqt budget"
+    document = changed_at(base.document, ("store", "trajectories"), "all", place)
+    document = changed_at(document, ("store", "decimate"), 1, place)
+    base = study(document)
+    sources = list(sources_of(base.base.loop))
+    if not sources:
+        raise EqtError(
+            f"{base.name}: has no imperfection to switch off: no noise, force, limit, delay or "
+            "other inertia"
+        )
+    error = _error_of(base, error)
+    variants = list(_variants(base, sources))
+    status, errors = _computed(_Variants(base, tuple(variants), error), executor)
+    times = np.asarray(base.base.times)
+    inside = (times >= window.start) & (times <= window.stop)
+    if inside.sum() < 2:
+        raise InputError(f"window {window}: holds {inside.sum()} samples, expected at least 2")
+    errors = errors[..., inside]
+    good = (status == Status.OK).all(axis=0)
+    laws = []
+    for k, (label, title) in enumerate(base.base.titles.items()):
+        if good[k].sum() < LEAST_RUNS:
+            raise EqtError(
+                f"{title}: {runs - good[k].sum()} of {runs} runs fail in some variant; look at "
+                "them by `eqt run`"
+            )
+        of_law = errors[:, k, good[k]]
+        squares = dict(zip(variants, (of_law**2).mean(axis=-1), strict=True))
+        whole = of_law[variants.index((ALL, ""))]
+        failed = int(runs - good[k].sum())
+        laws.append(_law_budget(label, title, sources, squares, whole, shares, failed))
+    signal = signal_of(error)
+    assert signal
+    return Budget(base.name, error, signal.unit, window, laws)

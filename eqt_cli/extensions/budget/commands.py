@@ -1,0 +1,79 @@
+"""`eqt budget`: what each imperfection costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import options, output, run
+from eqt_cli.cli.compare import TableFormat
+
+
+def budget(
+    config: options.Config,
+    error: Annotated[str, options.option("--error")] = "",
+    window: Annotated[str, options.option("--window")] = ":",
+    quantile: Annotated[list[float] | None, options.option("--quantile")] = None,
+    point: options.Point = None,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    executor: options.ExecutorName = None,
+    figure: Annotated[Path | None, options.option("--figure")] = None,
+    format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Print what each noise, force, limit, delay or wrong number adds to the error.
+
+    Each is switched off alone and on alone, from the same starts and draws. Laws and filters stay
+    as designed.
+
+    Options
+    -------
+    Experiment
+        --error NAME  attitude_angle, pointing_error, position_error or heading_error. Default: the
+            first one that the loops have.
+        --window START:STOP  Times over which errors count, s; 20: leaves out the first 20 s.
+        --quantile P  A quantile of the whole error, such as 0.997. Repeatable.
+    Result
+        --figure FILE  Draw the sources in a pdf, svg or png.
+        --format NAME  text, csv or latex.
+    """
+    from eqt_cli.cli.tables import as_csv, as_latex
+    from eqt_cli.extensions.budget.budget import SHARES
+    from eqt_cli.extensions.budget.budget import budget as budget_of
+    from eqt_cli.extensions.budget.tables import BudgetInWords
+    from eqt_cli.results.quantity import Window
+
+    if json and format is not TableFormat.TEXT:
+        raise EqtError("--json prints one document; leave --format out")
+    shares = tuple(quantile or SHARES)
+    for share in shares:
+        if not 0 < share < 1:
+            raise EqtError(f"--quantile: expected a share between 0 and 1, got {share:g}")
+    over = Window.parse(window)
+    document = options.document_of(config, set_, engine, trust_plugins=trust_plugins)
+    study = options.study_at(document, point, "computed without")
+    setup = options.Setup(engine=engine, workers=workers, executor=executor)
+    chosen = run.executor_from(study, setup)
+    made = budget_of(study, chosen, error=error, window=over, shares=shares)
+    say = BudgetInWords(made)
+    if figure:
+        from eqt_cli.extensions.budget.figures import draw
+
+        draw(say, figure)
+    if json:
+        output.print_json({"path": str(config), **made.record()})
+    elif format is TableFormat.CSV:
+        output.print_verbatim(as_csv(made.records()))
+    elif format is TableFormat.LATEX:
+        of_laws = (as_latex(say.sources(law)) for law in made.laws)
+        output.print_verbatim("\n\n".join(of_laws))
+    else:
+        for number, law in enumerate(made.laws):
+            blank = [""] if number else []
+            sources, quantiles = map(output.laid_out, (say.sources(law), say.quantiles(law)))
+            output.print_text(*blank, *say.answer(law), "", sources, "", quantiles)

@@ -1,0 +1,144 @@
+"""What makes an error: the imperfections of a vehicle, and the vehicle without some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.components.actuators import PassThrough
+from eqt_cli.components.forces import ConstantForce
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.sensors import TIMING as TIMED
+from eqt_cli.components.sensors import Sensor
+from eqt_cli.components.vehicle import ACTUATORS, FELT, FLUX, FORCES, INERTIA, POSE, VELOCITY
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+
+class Source(NamedTuple):
+    """One imperfection.
+
+    Attributes
+    ----------
+    key
+        Its place in the configuration.
+    words
+        What it is.
+    """
+
+    key: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Silent(Sensor):
+    """A sensor that an estimator believes as noisy as before, without its errors."""
+
+    name: ClassVar[str] = "silent"
+    departs: ClassVar[str] = ""
+
+    sensor: Any = field(metadata=STRUCTURE)
+
+    @classmethod
+    def of_sensor(cls, sensor: Sensor) -> Sensor:
+        """Return the sensor without errors, at the same times."""
+        timing = {name: getattr(sensor, name) for name in ("of", *TIMED)}
+        return cls(sensor, **timing)
+
+    def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
+        """Return 0."""
+        return np.zeros((instants, self.coordinates(G)))
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array | None:
+        """Return that of the sensor."""
+        return self.sensor.drawn(None).white_deviation(G, period)
+
+    def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Return that of the sensor."""
+        return self.sensor.bias_deviation(G)
+
+
+class Ideal(PassThrough):
+    """An actuator that delivers what it is told."""
+
+    name: ClassVar[str] = "ideal"
+    departs: ClassVar[str] = ""
+
+
+_OFF: dict[str, Callable[[Any], Any]] = {
+    FORCES: lambda part: ConstantForce(0.0),
+    ACTUATORS: lambda part: Ideal(),
+    **dict.fromkeys((POSE, VELOCITY, FLUX, FELT), Silent.of_sensor),
+}
+"""What takes the place of a part that is switched off, so that the places of others stay."""
+
+TIMING = {"delay": "late measurements", "dropout": "lost measurements"}
+
+
+def sources_of(loop: ClosedLoop) -> Iterator[Source]:
+    """Yield the imperfections of a loop that can be switched off, in the order of its parts."""
+    vehicle = loop.vehicle.configured or loop.vehicle
+    timing = dict[str, Source]()
+    for place, part in vehicle.parts.items():
+        kind = place.partition("[")[0]
+        is_known = kind == FORCES and loop.known_forces
+        is_commanded = kind == ACTUATORS and part.takes != "torque"
+        if kind in (INERTIA, *_OFF) and not (is_known or is_commanded):
+            signal = kind.removeprefix("sensors.")
+            words = f"{part.name} of {signal}" if isinstance(part, Sensor) else part.departs
+            yield Source(place, words)
+        for option, words in TIMING.items() if isinstance(part, Sensor) else ():
+            if getattr(part, option):
+                key = f"{kind}.{option}"
+                timing[key] = Source(key, f"{words} of {kind.removeprefix('sensors.')}")
+    yield from timing.values()
+    if vehicle.control and vehicle.control.delay:
+        yield Source("control.delay", "late commands")
+
+
+def without(loop: ClosedLoop, keys: Collection[str]) -> ClosedLoop:
+    """Return the loop without some of its sources; draws and starts of the others stay."""
+    vehicle = loop.vehicle.configured or loop.vehicle
+
+    def left(kind: str, parts: tuple[Any, ...]) -> tuple[Any, ...]:
+        off = _OFF[kind]
+        parts = tuple(off(x) if f"{kind}[{k}]" in keys else x for k, x in enumerate(parts))
+        late = {option: None for option in TIMING if f"{kind}.{option}" in keys}
+        return tuple(with_fields(part, **late) for part in parts) if late else parts
+
+    control = vehicle.control
+    if control and "control.delay" in keys:
+        control = replace(control, delay=0)
+    flux, felt = vehicle.more_sensors
+    changed = replace(
+        vehicle,
+        inertia=None if INERTIA in keys else vehicle.inertia,
+        forces=left(FORCES, vehicle.forces),
+        actuators=left(ACTUATORS, vehicle.actuators),
+        pose_sensors=left(POSE, vehicle.pose_sensors),
+        velocity_sensors=left(VELOCITY, vehicle.velocity_sensors),
+        more_sensors=(left(FLUX, flux), left(FELT, felt)),
+        control=control,
+    )
+    return replace(loop, vehicle=changed.of_run(loop.group))
+
+
+def without_all(loop: ClosedLoop, filtered: bool, sampled: bool) -> ClosedLoop:
+    """Return the loop without sensors and estimator, and without a clock unless it is `sampled`.
+
+    Of a loop that is `filtered`, the estimator and its sensors stay, without errors.
+    """
+    vehicle = without(loop, {source.key for source in sources_of(loop)}).vehicle.configured
+    assert vehicle is not None
+    if not filtered:
+        vehicle = replace(
+            vehicle, estimator=None, pose_sensors=(), velocity_sensors=(), more_sensors=((), ())
+        )
+    if not sampled:
+        vehicle = replace(vehicle, control=None)
+    return replace(loop, vehicle=vehicle.of_run(loop.group))

@@ -1,0 +1,170 @@
+"""Budgets of loops that are linear near rest, against their covariance in closed form."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_lyapunov
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.budget.quantiles import mixed, of_runs
+from eqt_cli.extensions.budget.sources import sources_of, without
+
+J = np.array([0.3, 0.2, 0.1])
+STIFFNESS, KD, T = 0.24, 0.2, 0.1  # Lee's law with kp 0.12: e_R is the angle, k_R = 2 kp
+BODY = {
+    "group": "SO3",
+    "inertia": J.tolist(),
+    "gains": {"kp": STIFFNESS / 2, "kd": KD},
+    "reference": {"kind": "constant", "pose": {}},
+    "controllers": ["lee2010"],
+    "control": {"period": T},
+    "initial": {"pose": {"kind": "exp_normal", "std": 1e-9}},
+    "ensemble": {"runs": 40, "seed": 3},
+    "time": {"duration": 100, "samples": 1001},
+}
+DEG = 180 / np.pi
+
+
+def covariance(theta, omega, delay=0):
+    """Mean square angle, deg², with noise of the measured angle and rate, rad and rad/s.
+
+    x' = A x + B u over a period with a held torque; u = −k (θ + n) − d (ω + m), `delay` periods
+    late.
+    """
+    total = 0.0
+    for inertia in J:
+        A, B = np.array([[1, T], [0, 1]]), np.array([[T**2 / 2], [T]]) / inertia
+        K, N = np.array([[STIFFNESS, KD]]), np.diag([theta**2, omega**2])
+        if delay:
+            A = np.block([[A, B], [-K, np.zeros((1, 1))]])
+            G = np.vstack([np.zeros((2, 2)), -K])
+        else:
+            A, G = A - B @ K, -B @ K
+        total += solve_discrete_lyapunov(A, G @ N @ G.T)[0, 0]
+    return total * DEG**2
+
+
+def budget_of(window="30:", **sections):
+    (law,) = eqt_cli.error_budget({**BODY, **sections}, window=window).laws
+    return law, {row.source.key: row for row in law.rows}
+
+
+NOISE = {"pose": [{"kind": "noise", "std": 1e-3}], "velocity": [{"kind": "noise", "std": 2e-3}]}
+
+
+@pytest.mark.ci("compiles, and integrates 40 runs of 100 s seven times")
+def test_noises_and_a_delay_cost_what_the_covariance_of_the_linear_loop_says():
+    law, rows = budget_of(sensors=NOISE, control={"period": T, "delay": 1})
+    of_pose, of_rate = covariance(1e-3, 0), covariance(0, 2e-3)
+    late, prompt = covariance(1e-3, 2e-3, 1), of_pose + of_rate
+    # 3 axes, 40 runs, 70 s with errors that last some 2 s: 4,000 independent squares, 1.1 %.
+    assert rows["sensors.pose[0]"].alone.value == pytest.approx(np.sqrt(of_pose), rel=0.02)
+    assert rows["sensors.velocity[0]"].alone.value == pytest.approx(np.sqrt(of_rate), rel=0.02)
+    assert law.total.value == pytest.approx(np.sqrt(late), rel=0.02)
+    # A delay costs nothing alone; beside noise, the difference of mean squares of the same noise.
+    assert abs(rows["control.delay"].alone.value) < 1e-6
+    assert rows["control.delay"].beside.value ** 2 == pytest.approx(late - prompt, abs=0.02 * late)
+    # What the sum of squares leaves over is what the delay adds to both.
+    left = np.sign(law.left_over) * law.left_over**2
+    assert left == pytest.approx(late - prompt, abs=0.05 * late)
+
+
+@pytest.mark.ci("compiles, and integrates 5 runs of 100 s seven times")
+def test_constant_sources_add_as_vectors_and_the_sum_of_squares_leaves_the_rest_over():
+    force, bias = np.array([1e-5, -2e-5, 1e-5]), np.array([5e-5, 5e-5, -5e-5])
+    law, rows = budget_of(
+        window="80:",
+        ensemble={"runs": 5},
+        plant={"forces": [{"kind": "constant", "force": force.tolist()}]},
+        sensors={"velocity": [{"kind": "bias", "value": bias.tolist()}]},
+    )
+    angles = {"plant.forces[0]": force / STIFFNESS, "sensors.velocity[0]": -KD * bias / STIFFNESS}
+    for key, angle in angles.items():
+        # The slowest pole, 0.36 1/s, leaves 1e-12 after 80 s; squares of angles of 1e-4 rad.
+        assert rows[key].alone.value == pytest.approx(DEG * np.linalg.norm(angle), rel=1e-6)
+    whole, parts = np.linalg.norm(sum(angles.values())), [x @ x for x in angles.values()]
+    # The law compensates the measured b x J b, 3e-5 of the torque of the bias and across it.
+    assert law.total.value == pytest.approx(DEG * whole, rel=2e-5)
+    rest = whole**2 - sum(parts)
+    assert np.sign(law.left_over) * law.left_over**2 == pytest.approx(rest * DEG**2, rel=1e-4)
+
+
+def test_a_source_goes_and_the_places_of_others_stay():
+    config = {**BODY, "sensors": NOISE, "control": {"period": T, "delay": 1}}
+    config["plant"] = {
+        "inertia": [0.33, 0.2, 0.1],
+        "forces": [{"kind": "constant", "force": 1e-5}, {"kind": "constant", "force": 2e-5}],
+    }
+    loop = eqt_cli.load_experiment(config).experiment(0).loops["lee2010"]
+    keys = [source.key for source in sources_of(loop)]
+    assert keys == [
+        "plant.inertia",
+        "plant.forces[0]",
+        "plant.forces[1]",
+        "sensors.pose[0]",
+        "sensors.velocity[0]",
+        "control.delay",
+    ]
+    for key in keys:
+        assert [source.key for source in sources_of(without(loop, {key}))].count(key) == (
+            key.endswith("]")  # another part stands in its place
+        )
+    silent = without(loop, {"sensors.pose[0]"}).vehicle.pose_sensors[0]
+    drawn = np.random.default_rng(1)
+    assert not silent.errors(loop.group, 5, T, drawn).any()
+    assert silent.white_deviation(loop.group, T) == pytest.approx([1e-3] * 3)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({}, "no imperfection to switch off"),
+        ({"sensors": NOISE, "ensemble": {"runs": 2}}, "at least 5 .*got 2"),
+        ({"sensors": NOISE, "sweep": [{"grid": {"gains.kd": [0.1, 0.2]}}]}, "--point"),
+    ],
+)
+def test_what_has_no_budget(sections, words):
+    with pytest.raises(EqtError, match=words):
+        eqt_cli.error_budget({**BODY, **sections})
+
+
+def test_an_unknown_error_names_those_that_are_there():
+    with pytest.raises(EqtError, match="unknown error 'atitude_angle'; did you mean"):
+        eqt_cli.error_budget({**BODY, "sensors": NOISE}, error="atitude_angle")
+
+
+# Quantiles ----------------------------------------------------------------------------------------
+
+
+def test_order_statistics_are_binomial():
+    runs = np.arange(1.0, 101.0)
+    # Of 100 runs, 40 to 61 are the order statistics of the median (Conover, table A3).
+    assert of_runs(runs, 0.5)[1:] == (40.0, 61.0, 0)
+    assert of_runs(runs, 0.997)[2:] == (np.inf, 1228)  # 0.997^1228 = 0.025
+
+
+def coverage(interval_of, truth, sample, experiments):
+    shown = [interval_of(sample()) for _ in range(experiments)]
+    return np.mean([one.low <= truth <= one.high for one in shown])
+
+
+@pytest.mark.ci("400 experiments of up to 1,334 runs")
+@pytest.mark.parametrize(("share", "runs"), [(0.5, 20), (0.99, 400), (0.997, 1334)])
+def test_intervals_of_quantiles_cover(share, runs):
+    from scipy.signal import lfilter
+    from scipy.stats import norm
+
+    random, decay = np.random.default_rng(5), np.exp(-1 / 20)
+
+    def sample():
+        # Of each run a constant and a Gauss-Markov process, of variance 1 each.
+        steps = random.standard_normal((runs, 100))
+        steps[:, 1:] *= np.sqrt(1 - decay**2)
+        drift = lfilter([1], [1, -decay], steps, axis=1)
+        return np.abs(random.standard_normal((runs, 1)) + drift)
+
+    truth = np.sqrt(2) * norm.ppf((1 + share) / 2)
+    # 0.95 of 400 experiments, less two standard deviations of 0.011.
+    assert coverage(lambda e: mixed(e, share), truth, sample, 400) > 0.925
+    one = coverage(lambda e: of_runs(e[:, 0], share), truth, sample, 400)
+    assert one > 0.93 if runs > 20 else one > 0.925
