@@ -7,8 +7,8 @@ Blocks of a page work in one folder, from top to bottom:
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
 - `sh` is one command a line; ensembles of `eqt run`, `sweep` and `budget` and searches of `eqt
-  tune` are made small, those of shipped configurations and of pages without `output` coarse, sweeps also
-  short; figures are drawn in one format, and animations are brief;
+  tune` are made small, those of shipped configurations and of pages without `output` coarse,
+  sweeps also short; figures are drawn in one format, and animations are brief;
 - `output` is what the block before it prints, where … stands for any text.
 
 A page can also be *read* only, which takes less than to carry it out: configurations are checked,
