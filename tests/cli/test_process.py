@@ -271,8 +271,6 @@ def test_packages_that_are_too_old_are_one_line(eqt, monkeypatch):
     versions = {"numpy": "1.26.4", "scipy": "1.11.4", "h5py": "3.16.0rc1"}
     real = metadata.version
     monkeypatch.setattr(metadata, "version", lambda name: versions.get(name) or real(name))
-    assert process.too_old("eqt-cli") == (
-        "numpy 1.26.4 is installed, and eqt needs 2.0 or newer; scipy 1.11.4 is installed, and eqt "
-        "needs 1.16 or newer; install it with pip install 'numpy>=2.0' 'scipy>=1.16'"
-    )
+    facts = "numpy 1.26.4…2.0…scipy 1.11.4…1.16…pip install 'numpy>=2.0' 'scipy>=1.16'"
+    assert says(process.too_old("eqt-cli"), facts)
     assert process.too_old("no-such-distribution") == ""
