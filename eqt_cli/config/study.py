@@ -26,7 +26,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
 from eqt_cli.config.sections import decides_parts
 from eqt_cli.engines.choice import AUTO
-from eqt_cli.engines.engine import Compiled, SharesSteps
+from eqt_cli.engines.engine import Compiled
 
 # An experiment at the points of a sweep: its points, its parts, and what is stored ----------------
 
@@ -246,7 +246,7 @@ class Study:
         shares = max(few, -(-len(self) * runs // LEAST_PARTS))
         usual = COMPILED_RUNS if isinstance(base.engine, Compiled) else PART_RUNS
         wanted = max(min(usual, shares), self._all_runs // MANY_PARTS)
-        block = base.engine.runs_per_block if isinstance(base.engine, SharesSteps) else 1
+        block = getattr(base.engine, "runs_per_block", 1)
         blocks = min(wanted, limit, POINTS_OF_A_PART * runs) // block
         return Plan(len(self), runs, len(base.loops), max(1, blocks) * block)
 

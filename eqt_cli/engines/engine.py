@@ -800,8 +800,8 @@ class Work(NamedTuple):
     unit: str = "steps"
 
 
-class Measuring(NamedTuple):
-    """What is measured of every run, by a function of its samples and a reduction.
+class Query(NamedTuple):
+    """What is asked of every run: numbers, by a function of its samples and a reduction.
 
     Attributes
     ----------
@@ -821,7 +821,8 @@ class Measuring(NamedTuple):
 class Engine(Component):
     """An integrator: a frozen dataclass whose fields are its keys in `solver`.
 
-    What only some engines can do is a protocol below.
+    One in compiled code is `Compiled`, too. One whose runs share the steps of their block says in
+    `runs_per_block` how many these are, so that parts have whole blocks.
     """
 
     rtol: float
@@ -899,18 +900,9 @@ class Compiled(Protocol):
         """Do as `evaluate` below, by compiled code; None if the function cannot be compiled."""
 
     def measure(
-        self, problem: Problem, wanted: Measuring, workers: int, progress: Progress
+        self, problem: Problem, query: Query, workers: int, progress: Progress
     ) -> Solution | None:
         """Do as `measure` below, while it solves; None if that cannot be done."""
-
-
-@runtime_checkable
-class SharesSteps(Protocol):
-    """An engine whose runs share the steps of their block; a part has whole blocks."""
-
-    @property
-    def runs_per_block(self) -> int:
-        """The number of runs of a block."""
 
 
 def evaluate(
@@ -937,21 +929,21 @@ def evaluate(
 def measure(
     engine: Engine,
     problem: Problem,
-    wanted: Measuring,
+    query: Query,
     workers: int = 1,
     progress: Progress = lambda runs: None,
 ) -> Solution:
     """Solve, and compute numbers of each run from arrays at every sample."""
     if isinstance(engine, Compiled) and (
-        solution := engine.measure(problem, wanted, workers, progress)
+        solution := engine.measure(problem, query, workers, progress)
     ):
         return solution
     solution = engine.solve(problem, workers, progress)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        arrays = evaluate(engine, wanted.function, problem, solution.states, *wanted.rows)
-        numbers = dict(wanted.reduction(SampledRuns(problem.times), arrays))
-    if wanted.returned is not None:  # the others take several times the memory of the states
-        arrays = {name: arrays[name] for name in wanted.returned}
+        arrays = evaluate(engine, query.function, problem, solution.states, *query.rows)
+        numbers = dict(query.reduction(SampledRuns(problem.times), arrays))
+    if query.returned is not None:  # the others take several times the memory of the states
+        arrays = {name: arrays[name] for name in query.returned}
         solution = replace(solution, states=solution.states[:, :0].copy())
     return replace(solution, numbers=numbers, arrays=arrays)
 

@@ -34,9 +34,9 @@ from eqt_cli.engines.engine import (
     Engine,
     Failure,
     Integrator,
-    Measuring,
     Problem,
     Progress,
+    Query,
     SampledFunction,
     Solution,
     Span,
@@ -759,14 +759,14 @@ class Native(Engine):
         return library.evaluated(program, problem.runs, len(times), inputs)
 
     def measure(
-        self, problem: Problem, wanted: Measuring, workers: int, progress: Progress
+        self, problem: Problem, query: Query, workers: int, progress: Progress
     ) -> Solution | None:
         """Solve and measure sample by sample on the way, if not all arrays are asked for.
 
         Few runs, those with several spans or a sampled law, and functions that cannot be compiled,
         are measured from stored states.
         """
-        loop, times, (function, reduction, rows, returned) = problem.loop, problem.times, wanted
+        loop, times, (function, reduction, rows, returned) = problem.loop, problem.times, query
         lengths = (loop.state_length, *(row.shape[-1] for row in rows))
         if returned is None or problem.runs <= FEW_RUNS:
             return None

@@ -29,8 +29,8 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import (
     Compiled,
-    Measuring,
     Problem,
+    Query,
     Solution,
     Stopped,
     evaluate,
@@ -370,15 +370,15 @@ def _solve(
     share = 0.5 if solver.estimates_errors else 1.0
     returned = None if whole else (MOTION,)
     how = context.threads, lambda runs: context.progress(share * runs)
-    wanted = Measuring(*_functions(batch, names), [_in_rows(reference)], returned)
-    first = measure(engine, batch.problem, wanted, *how)
+    query = Query(*_functions(batch, names), [_in_rows(reference)], returned)
+    first = measure(engine, batch.problem, query, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
         again = replace(batch.problem, halved=True)
-        wanted = Measuring(difference, largest_difference, [first.arrays[MOTION]])
+        query = Query(difference, largest_difference, [first.arrays[MOTION]])
         # Of few steps in a hold the last is cut: a tenth may need no other number of them.
         tighter = engine.tightened(0.05 if batch.problem.loop.period else 0.1)
-        second = measure(tighter, again, wanted, *how)
+        second = measure(tighter, again, query, *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
         first.status[second.status == Status.STOPPED] = Status.STOPPED
     _find_undefined(first)
@@ -619,7 +619,7 @@ def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
     if not len(near):
         return
     problem, limit = batch.problem.select(near), max(LARGE, BOUND_PER_RTOL * batch.engine.rtol)
-    wanted = Measuring(difference, largest_difference, [first.arrays[MOTION][near]])
+    query = Query(difference, largest_difference, [first.arrays[MOTION][near]])
     apart = np.zeros(len(near))
     loop, t = problem.batched_loop(), float(problem.times[0])
     s = loop.tracking(t, problem.states)
@@ -628,7 +628,7 @@ def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
         x = error * np.cos(np.arange(loop.group.dimension))
         start = loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
         other = replace(problem, states=start)
-        solved = measure(batch.engine, other, wanted, threads)
+        solved = measure(batch.engine, other, query, threads)
         ends = solved.status == Status.OK  # or the error has made it diverge
         first.status[near[solved.status == Status.STOPPED]] = Status.STOPPED
         apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
