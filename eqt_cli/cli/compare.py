@@ -119,8 +119,8 @@ def compare(
         --without-start  For a tuning: omit the starting gains.
         --against LAW  Compare with this law instead of the first, or with --measured only
             its run. Repeatable for tables.
-        --table NAME  Print only this table: `controllers`, pairs, claims, fronts, winners, points;
-            or all of them.
+        --table NAME  Print only this table: `controllers` (the default of LaTeX), pairs, claims,
+            fronts, winners, points; or all of them.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
     Two results
@@ -378,9 +378,12 @@ def _tables(comparison: Comparison, look: _Look) -> _Findings:
         more = "these are the pairs; --table controllers and --table claims print the others"
         rows = records(comparison, *look.against)[name or TableName.PAIRS]
         return _Findings(records=rows, remarks=[more] if look.table is None else [])
-    as_rows = look.laws_as_rows
+    as_rows, remarks = look.laws_as_rows, _missing(comparison)
+    if look.format is TableFormat.LATEX and look.table is None:
+        name = TableName.CONTROLLERS
+        remarks.append("this is --table controllers; --table pairs, claims or all print others")
     made = text_tables(comparison, look.write, look.against, laws_as_rows=as_rows)
-    shown, remarks = [made[x] for x in made if name in (None, x)], _missing(comparison)
+    shown = [made[x] for x in made if name in (None, x)]
     if not shown:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these laws"

@@ -230,6 +230,13 @@ def test_latex_is_a_booktabs_table(invoke, paper_result):
 LATEX = ("--format", "latex", "--table", "controllers", "--columns", 1)
 
 
+def test_latex_is_the_table_of_the_laws_alone(invoke, paper_result):
+    latex = "compare", paper_result, "--format", "latex"
+    alone, other = invoke(*latex), invoke(*latex, "--table", "controllers")
+    assert alone.stdout == other.stdout
+    assert "--table pairs, claims or all" in alone.stderr
+
+
 def test_latex_has_a_row_for_each_chosen_law_and_seven_columns(invoke, paper_result):
     laws = ["--controller", "GT", "--controller", "eqt", "--resamples", 9]
     out = invoke("compare", paper_result, *laws, "--format", "latex", "--table", "controllers")
