@@ -236,7 +236,7 @@ class Law:
             if result is None:
                 raise ValueError(f"{request['function']} returned None")
             torque = eval(request["torque"], self.names | values | {"result": result})  # noqa: S307
-            return self.sized(real(torque, "the output"))
+            return self.output(torque)
         except (PermissionError, MemoryError):
             raise
         except Exception as error:  # whose words are of the law, and belong to this call
@@ -245,13 +245,17 @@ class Law:
         finally:
             self.seconds.append(time.thread_time() - begun)
 
-    def sized(self, torque: Any) -> Any:
+    def output(self, torque: Any) -> Any:
         """Return the output as a vector; raises a `ValueError` with the line of the function."""
         size, code = self.request["returns"], getattr(self.function, "__code__", None)
-        if torque.size != size:
-            line = f"line {code.co_firstlineno}: " if code and not self.request["call"] else ""
-            raise ValueError(f"{line}expected {size} numbers as output, got shape {torque.shape}")
-        return torque.reshape(size)
+        line = f"line {code.co_firstlineno}: " if code and not self.request["call"] else ""
+        try:
+            numbers = real(torque, "the output")
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{line}{error}") from None
+        if numbers.size != size:
+            raise ValueError(f"{line}expected {size} numbers as output, got shape {numbers.shape}")
+        return numbers.reshape(size)
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
