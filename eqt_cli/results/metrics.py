@@ -144,10 +144,10 @@ def energy_residual(over: SampledRuns, lyapunov: Any, balance: Any) -> Any:
     return residual / over.final(maximum(over.initial(lyapunov), ENERGY_SCALE))
 
 
-def settled(over: SampledRuns, error: Array, threshold: float) -> Array:
+def settled(over: SampledRuns, error: Any, threshold: float) -> Any:
     """1 if the error ends within the threshold, else 0; the mean is the share of runs."""
-    within = np.isfinite(settling_time(over, error, threshold)).astype(float)
-    return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
+    within = where(less(settling_time(over, error, threshold), np.inf), 1.0, 0.0)
+    return where(less(over.largest(error), np.inf), within, np.nan)
 
 
 def closing_rms(over: SampledRuns, values: Any, share: float = CLOSING) -> Any:

@@ -28,6 +28,7 @@ CHANGES = {
     "paper": ("paper", {}),
     "SE3": ("se3", {"settling_threshold": {"rotation": "90 deg", "translation": 1.0}}),
     "failing": ("paper", {"solver.max_steps": 40}),
+    "flying": ("paper", {"actuators": [{"kind": "lag", "time_constant": 0.05}]}),
 }
 
 
