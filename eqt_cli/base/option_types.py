@@ -624,6 +624,8 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
         If a component has an option of a type that no configuration can hold.
     """
     try:
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            kind.model_rebuild()  # else it is built again where a model is dumped
         adapter = TypeAdapter(kind)
         adapter.rebuild()  # raises what is not defined
     except (PydanticUserError, NameError, TypeError, ValueError) as error:

@@ -54,7 +54,7 @@ from eqt_cli.components.tasks import task_of
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema, sections
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
-from eqt_cli.config.schema import Config, GainsSection, InitialSection
+from eqt_cli.config.schema import Config, GainsSection
 from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
 from eqt_cli.engines.engine import Compiled, Engine
@@ -437,7 +437,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     laws, vehicles, desired = with_model(
         config, laws, gains, G, inertia, vehicle, known, desired, problems
     )
-    start = start_from(config.initial, G, desired, home, problems.at("initial"))
+    start = start_from(config, G, desired, home, problems.at("initial"))
     sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
     for law in laws.values():
         place = f"controllers[{law.index}]"
@@ -698,24 +698,21 @@ def commanded(law: Controller, G: MatrixLieGroup, vehicle: Vehicle, problems: Pr
 
 
 def start_from(
-    section: InitialSection,
-    G: MatrixLieGroup,
-    desired: DesiredTrajectory,
-    home: Place,
-    problems: Problems,
+    config: Config, G: MatrixLieGroup, desired: DesiredTrajectory, home: Place, problems: Problems
 ) -> Start | None:
     """Return where the runs start: by distributions, or by the rows of a file.
 
     Relative poses in a file are errors to the reference, Q(0) = Q_d(0) · pose and
     V(0) = V_d(0) + V. Missing velocities are 0.
     """
+    section = config.initial
     name = section.file
     if name is None:
         for key in section.model_fields_set & {"relative", MAPPING}:
             problems.at(key).add(
                 "applies only to poses from a `file`; give `file` too, or remove this key"
             )
-        resolved = section.model_dump(include={"pose", "velocity"})
+        resolved = config.model_dump(include={"initial": {"pose", "velocity"}})["initial"]
         return Start(section.pose, section.velocity, resolved)
     for key in section.model_fields_set & {"pose", "velocity"}:
         problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")

@@ -987,7 +987,7 @@ class Config(Section):
     time: Annotated[TimeSection, SHAPES] = Field(examples=["{duration: 20}"])
     solver: Annotated[SolverSection, DESIRED] = Field(default_factory=dict, validate_default=True)
     store: Annotated[StoreSection, NotSwept("decides what the common result file contains")] = (
-        Field(default_factory=StoreSection)
+        Field(default_factory=StoreSection.model_construct)
     )
     sweep: Annotated[list[dict[str, Any]] | None, NotSwept("cannot contain itself")] = None
     tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None

@@ -94,7 +94,7 @@ def kp_and_kd(
     section: schema.GainsSection | None, G: MatrixLieGroup, problems: Problems
 ) -> dict[str, Any]:
     """Return the gains of a section as `kp` and `kd`, after noting what cannot be both."""
-    gains = section.model_dump(exclude_none=True) if section else {}
+    gains = {key: value for key, value in section or () if value is not None}
     for name in (name for name in OF_ATTITUDES if name in gains):
         value, (gain, factor) = gains.pop(name), OF_ATTITUDES[name]
         if gain in gains:
@@ -590,8 +590,8 @@ def vehicle_from(
     config: Config, G: MatrixLieGroup, problems: Problems, model: InertiaLaw | None = None
 ) -> Vehicle:
     """Return the vehicle of the sections and of the model's inertia; problems are noted."""
-    plant = config.plant or schema.PlantSection()
-    measured = config.sensors or schema.SensorsSection()
+    plant = config.plant or schema.PlantSection.model_construct()
+    measured = config.sensors or schema.SensorsSection.model_construct()
     clock, horizon, at_plant = config.control, config.time.duration, problems.at("plant")
     inertia = None
     if plant.inertia is not None:

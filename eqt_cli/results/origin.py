@@ -16,7 +16,6 @@ import numpy as np
 from pydantic import (
     BaseModel,
     FiniteFloat,
-    Json,
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
@@ -173,19 +172,23 @@ class Experiment(BaseModel):
     parts: list[StoredPart] = []
 
 
-_TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
+_TEXT = "text", TypeAdapter(str).validate_python
+_NUMBER = "a number", TypeAdapter(float).validate_python
 
-_EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
+_EXPECTED: dict[str, tuple[str, Callable[..., Any]]] = {
     **dict.fromkeys(("title", "group", "digest", "config", "plugins"), _TEXT),
-    "provenance": ("versions and times in JSON", TypeAdapter(Json[_Origin])),
-    "experiment": ("a description in JSON", TypeAdapter(Json[Experiment])),
+    "provenance": ("versions and times in JSON", _Origin.model_validate_json),
+    "experiment": ("a description in JSON", Experiment.model_validate_json),
     "cross_check_method": _TEXT,
-    "cross_check_runs": ("a whole number of at least 0", TypeAdapter(NonNegativeInt)),
+    "cross_check_runs": (
+        "a whole number of at least 0",
+        TypeAdapter(NonNegativeInt).validate_python,
+    ),
     "cross_check_difference": _NUMBER,
     "cross_check_bound": _NUMBER,
     "cross_check_law": _TEXT,
 }
-"""Expected kind of each attribute that a file may have, in words and as a type."""
+"""Expected kind of each attribute that a file may have, in words, and what validates it."""
 
 
 # The cross-check, and the result -----------------------------------------------------------------
@@ -246,10 +249,10 @@ class KnownResult(ResultFile):
 
     def _check(self) -> None:
         # Attributes of another kind than eqt writes are refused.
-        for name, (expected, kind) in _EXPECTED.items():
+        for name, (expected, validate) in _EXPECTED.items():
             if name in self.attributes:
                 try:
-                    kind.validate_python(self.attributes[name], strict=True)
+                    validate(self.attributes[name], strict=True)
                 except ValidationError:
                     raise self.refusal(f"its attribute '{name}' is not {expected}") from None
         there = [name for name in CROSS_CHECK if f"cross_check_{name}" in self.attributes]
