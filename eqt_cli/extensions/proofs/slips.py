@@ -134,7 +134,7 @@ def _unread_momentum(experiment: Experiment) -> Placed:
             yield (
                 ("controllers", law.index, "anti_windup"),
                 "reads the torque limit of the wheels only: at their momentum limit, the integral "
-                "goes on",
+                "grows on; dump the momentum by magnetorquers, or choose larger wheels",
             )
 
 
