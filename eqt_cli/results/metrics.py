@@ -221,7 +221,7 @@ _settling = partial(
 )
 
 
-def _closing(name: str, signal: str, what: str) -> Measure:
+def _closing(name: str, signal: str, what: str, **more: Any) -> Measure:
     """Return the row of a root mean square over the last share of the time."""
 
     def chosen(share_of_time: float = CLOSING) -> dict[str, Any]:
@@ -241,6 +241,7 @@ def _closing(name: str, signal: str, what: str) -> Measure:
         choices={"share_of_time": "closing_window"},
         chosen=chosen,
         **chosen(),
+        **more,
     )
 
 
@@ -300,6 +301,13 @@ METRICS = (
     ),
     _final(
         "final_attitude_error", "attitude_angle", "the attitude error", label="final attitude error"
+    ),
+    _peak(
+        "peak_attitude_error",
+        "attitude_angle",
+        "the attitude error",
+        label="largest attitude error",
+        stored=False,
     ),
     _mean("mean_position_error", "position_error", "||p - pd||"),
     _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,), role="error", rank=1),
@@ -365,6 +373,7 @@ METRICS = (
     _final("propellant", "burnt", "mass", label="propellant", compared=(WHOLE,), stored_of=_burns),
     _final("final_stored_momentum", "stored_momentum", "||A h||", stored_of=attrgetter("wheels")),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
+    _closing("closing_attitude_error", "attitude_angle", "the attitude error", stored=False),
     _closing("closing_torque", "torque_norm", "||tau||"),
     _rms_of_estimate("estimate_rms", "estimate_error", "||I - Qhat^-1 Q||_F", compared=(WHOLE,)),
     _rms_of_estimate("bias_rms", "bias_error", "||b - bhat||"),

@@ -34,6 +34,7 @@ EXACT = {
     "final_pose_error": ({"pose_error": T + 1 - RAMP}, 1.0),
     "mean_attitude_error": ({"attitude_angle": RAMP}, T / 2),
     "final_attitude_error": ({"attitude_angle": T + 1 - RAMP}, 1.0),
+    "peak_attitude_error": ({"attitude_angle": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
     "final_velocity_error": ({"velocity_error": T + 2 - RAMP}, 2.0),
     # |⟨τ, V⟩| = |(2, 7)·(−1, 0) − t| = 2 + t, a power that flows back.
     "actuator_work": (
@@ -56,6 +57,7 @@ EXACT = {
     "final_stored_momentum": ({"stored_momentum": RAMP}, T),
     # Constant over the last quarter, and greater before.
     "closing_pose_error": ({"pose_error": np.where(RAMP < 0.7 * T, 9.0, 2.0)}, 2.0),
+    "closing_attitude_error": ({"attitude_angle": np.where(RAMP < 0.7 * T, 9.0, 2.0)}, 2.0),
     "closing_torque": ({"torque_norm": np.where(RAMP < 0.7 * T, 9.0, 3.0)}, 3.0),
     # √(T²/3 + h²/6), as for the square of an error.
     "estimate_rms": ({"estimate_error": RAMP}, np.sqrt(T**2 / 3 + H**2 / 6)),
