@@ -175,29 +175,31 @@ def configurations(draw):
     return data
 
 
-SCHEMA = jsonschema.Draft202012Validator(json_schema())
+@pytest.fixture(scope="module")
+def schema():
+    return jsonschema.Draft202012Validator(json_schema())
 
 
 # To draw a whole configuration takes a while, and longer on a busy machine.
 @settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 @given(configurations())
-def test_what_is_fine_fits_the_json_schema_and_reproduces_itself(data):
+def test_what_is_fine_fits_the_json_schema_and_reproduces_itself(schema, data):
     once = built(data)
     again = built(once.resolved)
     assert repr(again.resolved) == repr(once.resolved)  # repr tells 1 from 1.0
     assert again.digest == once.digest
-    SCHEMA.validate(data)
-    SCHEMA.validate(once.resolved)
+    schema.validate(data)
+    schema.validate(once.resolved)
 
 
 @mostly_ci("name", shipped.names(), {*shipped.names()} - {"sweep_lqr"}, "solves equations")
-def test_shipped_configurations_reproduce_themselves(name):
+def test_shipped_configurations_reproduce_themselves(schema, name):
     assert shipped.text(name).startswith("# ")  # which says what it is
     data = load(shipped.text(name), name).data
     assert data.get("name", name) == name
     once = built(data)
     assert built(once.resolved).resolved == once.resolved
-    SCHEMA.validate(once.resolved)
+    schema.validate(once.resolved)
 
 
 # The digest -------------------------------------------------------------------------------------
