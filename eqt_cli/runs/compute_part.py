@@ -346,7 +346,7 @@ class Slab:
 def is_of(study: Study, path: Path) -> bool:
     """Whether a file is of a part of this study, as it says itself."""
     with suppress(ResultError):
-        return bool(read_arrays(path).get(STUDY, np.empty(0)).tolist() == [_digest(study)])
+        return bool(read_arrays(path).get(STUDY, np.empty(0))[:1].tolist() == [_digest(study)])
     return False
 
 

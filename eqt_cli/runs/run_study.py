@@ -232,9 +232,11 @@ def _restore_manifest(study: Study, folder: ResultFolder) -> None:
         return
     ours, parts = sum(is_of(study, path) for path in paths), count_of(len(paths), "part")
     words = f"{folder.path}: {MANIFEST} is damaged or missing"
-    if not ours and not kind_of(folder.path / MANIFEST):
+    references = [] if paths else folder.parts.folder.glob("reference*.npy")
+    begun = ours or any(is_of(study, path) for path in references)
+    if not begun and not (paths and kind_of(folder.path / MANIFEST)):
         return  # they may be anybody's
-    if paths and not ours:
+    if not begun:
         raise EqtError(f"{words}, and none of the {parts} is of this experiment", OTHER_FOLDER)
     used = f"{ours} of its {parts} say that they are of this experiment, and are used again"
     reporter().remark(EqtWarning(f"{words}; {used if paths else 'no run is finished there'}"))
