@@ -41,7 +41,15 @@ from eqt_cli.components.actuators import (
 )
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
-from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_period, drawn, lowest
+from eqt_cli.components.vehicle_parts import (
+    Number,
+    Numbers,
+    check_limits,
+    check_period,
+    drawn,
+    is_drawn,
+    lowest,
+)
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse
@@ -97,8 +105,8 @@ class Thruster(Keys):
         What figures call it; `thruster 1`, … if left out.
     """
 
-    at: Annotated[list[Real], Unit("m")]
-    along: list[Real]
+    at: Annotated[list[Number], Unit("m")]
+    along: list[Number]
     turns: Annotated[Real, Unit("m")] = 0.0
     name: str = ""
 
@@ -242,7 +250,8 @@ class Thrusters(Solving, Running):
         expression in t.
     told
         Whether the allocation knows `fails` and `sag`, and then uses B⁺ of the remaining columns;
-        and whether it knows the numbers that are drawn for a run, in place of their means.
+        and whether it knows the numbers that are drawn for a run, such as places and directions of
+        thrusters, in place of their means.
     jets
         `{minimum: 20 ms, every: 0.1 s}`: on-off thrusters, driven by pulses.
     isp
@@ -429,7 +438,8 @@ class Thrusters(Solving, Running):
         if self.moment_constant is not None:
             k_m, k = drawn(self.moment_constant, None), drawn(self.thrust_constant, None)
             ratios = ratios * np.array(k_m) / np.array(k)
-        places = zip(self.thrusters or (), ratios.tolist(), strict=True)
+        thrusters = drawn(self.thrusters or [], None)
+        places = zip(thrusters, ratios.tolist(), strict=True)
         return np.stack([each.wrench(G, ratio) for each, ratio in places], axis=-1)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
@@ -440,6 +450,8 @@ class Thrusters(Solving, Running):
         """
         drawn = self.drawn(random)
         part = drawn.with_allocation(G)
+        if is_drawn(self.thrusters):  # B has the drawn places; what else is read of them is common
+            part = with_fields(part, thrusters=self.drawn(None).thrusters)
         if self.told or not self.varies:
             return part
         model = with_fields(self.drawn(None), weights=drawn.weights).with_allocation(G)

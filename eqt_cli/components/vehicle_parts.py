@@ -158,9 +158,11 @@ else:
 
 
 def is_drawn(value: Any) -> bool:
-    """Return whether a value is a distribution, or a list that contains one."""
+    """Return whether a value is a distribution, or a list or a mapping that contains one."""
     if isinstance(value, list):
         return any(map(is_drawn, value))
+    if isinstance(value, Keys) and not isinstance(value, Distribution):
+        return any(map(is_drawn, vars(value).values()))
     return isinstance(value, Distribution)
 
 
@@ -169,7 +171,10 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
     if isinstance(value, list):
         return [drawn(entry, random, positive) for entry in value]
     if not isinstance(value, Distribution):
-        return value
+        if not is_drawn(value):
+            return value
+        entries = {name: drawn(entry, random, positive) for name, entry in vars(value).items()}
+        return with_fields(value, **entries)
     if random is None:
         return value.mean
     number = value.draw(random)
@@ -204,6 +209,10 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
         for name, numbers in vars(value).items():
             with problems.at(name).catching():
                 check_sizes(() if problems else numbers)
+    elif isinstance(value, Keys):
+        for name, entry in vars(value).items():
+            if is_drawn(entry):
+                check_numbers(entry, problems.at(name))
     elif positive:
         _check_positive("a number", [value], problems)
     elif not isinstance(value, str):  # an expression in time, which is parsed elsewhere

@@ -38,10 +38,17 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
         "loop": words,
         "departures": (departures or words) if words else "",
         "thrusters": [
-            [[*map(float, thruster[key]), 0.0][:3] for key in ("at", "along")]
+            [[*map(_mean, thruster[key]), 0.0][:3] for key in ("at", "along")]
             for thruster in next(filter(None, rows), ())
         ],
     }
+
+
+def _mean(number: Any) -> float:
+    """Return a number, or the mean of the distribution that stands in its place."""
+    if not isinstance(number, dict):
+        return float(number)
+    return float(sum(number["uniform"]) / 2 if "uniform" in number else number["normal"][0])
 
 
 def attributes_at(results: ResultFile, point: int) -> dict[str, str]:

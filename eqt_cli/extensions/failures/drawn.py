@@ -16,13 +16,19 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import parse_key
 from eqt_cli.base.option_types import POSE, VELOCITY, UnitPlace
-from eqt_cli.base.registry import option_of_field
+from eqt_cli.base.registry import Keys, option_of_field
 from eqt_cli.base.store_writer import Variable
 from eqt_cli.base.stored import POINT
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.vehicle import ESTIMATOR, FORCES, RandomOf, Vehicle
-from eqt_cli.components.vehicle_parts import ConstantInertia, TrueInertia, VehiclePart, is_drawn
+from eqt_cli.components.vehicle_parts import (
+    ConstantInertia,
+    Distribution,
+    TrueInertia,
+    VehiclePart,
+    is_drawn,
+)
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import VEHICLE, marks_of
 from eqt_cli.config.study import Study
@@ -46,7 +52,7 @@ class DrawnNumber:
     name
         The field of the part.
     entry
-        The entry of a list or a matrix; empty for one number.
+        The entry of a list or a matrix, or the option of one; empty for one number.
     key
         The key in the configuration.
     unit
@@ -55,19 +61,24 @@ class DrawnNumber:
 
     place: str
     name: str
-    entry: tuple[int, ...]
+    entry: tuple[int | str, ...]
     key: str
     unit: str
 
     def of(self, parts: dict[str, Any]) -> float:
         """Return its value in the parts of a run."""
+        if any(isinstance(step, str) for step in self.entry):
+            inside = getattr(parts[self.place], self.name)
+            for step in self.entry:
+                inside = getattr(inside, step) if isinstance(step, str) else inside[step]
+            return float(inside)
         # Entries that are not drawn may be expressions.
         value = np.asarray(getattr(parts[self.place], self.name), dtype=object)
         if not self.entry:
             return float(value.flat[0])
         # The diagonal of a matrix may have been a list.
         entry = self.entry * value.ndim if len(self.entry) < value.ndim else self.entry
-        return float(value[entry])
+        return float(value[tuple(map(int, entry))])
 
 
 def drawn_numbers(experiment: Experiment) -> list[DrawnNumber]:
@@ -91,7 +102,7 @@ def drawn_numbers(experiment: Experiment) -> list[DrawnNumber]:
                 entries = [(k,) for k in range(G.dimension)]
             for entry in entries:
                 unit = _unit(part, field.name, entry, place, G)
-                index = "".join(f"[{k}]" for k in entry)
+                index = "".join(f".{k}" if isinstance(k, str) else f"[{k}]" for k in entry)
                 numbers.append(DrawnNumber(place, field.name, entry, key + index, unit))
     return numbers
 
@@ -101,8 +112,12 @@ def _draws_its_start(filter_: Any) -> bool:
     return filter_.initial_error is None and getattr(filter_, "initial_pose_std", None) is not None
 
 
-def _entries(value: Any) -> Iterator[tuple[int, ...]]:
+def _entries(value: Any) -> Iterator[tuple[int | str, ...]]:
     """Yield the places of distributions in a value."""
+    if isinstance(value, Keys) and not isinstance(value, Distribution):
+        for name, inside in vars(value).items():
+            yield from ((name, *inner) for inner in _entries(inside))
+        return
     if isinstance(value, list):
         for k, inside in enumerate(value):
             yield from ((k, *inner) for inner in _entries(inside))
@@ -110,8 +125,14 @@ def _entries(value: Any) -> Iterator[tuple[int, ...]]:
         yield ()
 
 
-def _unit(part: Any, name: str, entry: tuple[int, ...], place: str, G: MatrixLieGroup) -> str:
+def _unit(part: Any, name: str, entry: tuple[int | str, ...], place: str, G: MatrixLieGroup) -> str:
     """Return the unit of an entry of a field; "mixed" where one number is for unlike axes."""
+    for k, step in enumerate(entry):
+        if isinstance(step, str):
+            inside = getattr(part, name)
+            for before in entry[:k]:
+                inside = inside[before]
+            return _unit(inside, step, entry[k + 1 :], place, G)
     if isinstance(part, TrueInertia):
         return "kg m^2" if isinstance(part, ConstantInertia) and G.translation is None else "1"
     hint = get_type_hints(type(part), include_extras=True).get(name)

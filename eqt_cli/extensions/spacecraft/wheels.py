@@ -32,7 +32,7 @@ from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.thrusters import allocation, lost_directions
-from eqt_cli.components.vehicle_parts import Numbers, drawn, is_drawn
+from eqt_cli.components.vehicle_parts import Number, Numbers, drawn, is_drawn
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse, rounded
 
@@ -128,7 +128,8 @@ class Wheels(Actuator):
     Attributes
     ----------
     axes
-        Row i: the axis of wheel i in the body frame, of any length.
+        Row i: the axis of wheel i in the body frame, of any length. Of axes that are drawn, the
+        allocation knows the means: they are misaligned.
     pyramid
         Instead of `axes`: the angle of four axes from z; seen from above, at 45°, 135°, 225° and
         315° from x.
@@ -147,7 +148,8 @@ class Wheels(Actuator):
     command
         `torque`, or `speed` for drives that track a speed; needs `inertia`, `gain`.
     told
-        Whether the speeds are computed with a J_w that is drawn for a run, in place of its mean.
+        Whether the allocation knows axes that are drawn for a run, and the speeds are computed with
+        its J_w, in place of the means.
     gain
         g of the drives, N m s (per rad): a speed is tracked with a lag of J_w/g.
     ki
@@ -165,7 +167,7 @@ class Wheels(Actuator):
     name: ClassVar[str] = "wheels"
     departs: ClassVar[str] = "reaction wheels"
 
-    axes: list[list[Real]] | None = None
+    axes: list[list[Number]] | None = None
     pyramid: Angle | None = None
     limit: Annotated[Numbers | None, Unit("N m")] = None
     momentum: Annotated[Numbers | None, Unit("N m s")] = None
@@ -255,7 +257,7 @@ class Wheels(Actuator):
     def unit_axes(self) -> Array:
         """Return the unit axes as columns, ``(3, k)``."""
         if self.axes is not None:
-            A = np.array(self.axes, dtype=float).T
+            A = np.array(drawn(self.axes, None), dtype=float).T
             return A / np.linalg.norm(A, axis=0)
         assert self.pyramid is not None
         half = np.sqrt(0.5) * np.array([[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]])
@@ -265,8 +267,8 @@ class Wheels(Actuator):
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return wheels with A, the allocation, and a number for each wheel."""
         part, turns = self.drawn(random), _turns(G)
-        A = np.zeros((G.dimension, self.count))
-        A[turns] = self.unit_axes()
+        A, believed = np.zeros((2, G.dimension, self.count))
+        A[turns], believed[turns] = part.unit_axes(), (part if self.told else self).unit_axes()
         values = {"start": np.zeros(self.count)} | of_each(part, OF_EACH, self.count)
         if self.changes:
             values.setdefault("ki", np.zeros(self.count))
@@ -274,16 +276,17 @@ class Wheels(Actuator):
                 values["surplus"] = values["inertia"] / np.array(drawn(self.inertia, None))
         if "speed" in values:
             values["momentum"] = values["inertia"] * values.pop("speed")
-        values |= {"matrix": A, "inverse": allocation(A, part.least, np.ones(self.count))[0]}
+        inverse = allocation(believed, part.least, np.ones(self.count))[0]
+        values |= {"matrix": A, "inverse": inverse}
         if (rub := self.friction) is not None:
             curve = [] if rub.static is None else [rub.static - rub.coulomb, rub.breakaway]
             values["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
         if self.bias is not None:
-            null = np.eye(self.count) - product(values["inverse"], A)
+            null = np.eye(self.count) - product(inverse, believed)
             pull, target = null / self.bias.time_constant, np.array([self.bias.momentum])
             values["pulled"] = np.concatenate([pull, target])
         if self.allocation == "min_max":
-            values["faces"] = tuple(_faces(A, turns))
+            values["faces"] = tuple(_faces(believed, turns))
         used = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
         return with_fields(part, **used, **values)
 

@@ -83,6 +83,27 @@ def test_points_that_draw_differently_have_their_own(tmp_path):
     assert np.unique(by_point.data[:, 0]).tolist() == pytest.approx(sorted([first, once.data[0]]))
 
 
+def test_places_of_thrusters_have_the_keys_of_their_options(tmp_path):
+    first = "{at: [{normal: [0.3, 0.1]}, 0], along: [0, {uniform: [0.9, 1]}]}"
+    others = "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}"
+    text = configuration(
+        group="SE2",
+        inertia="[1, 2, 2]",
+        gains="{kp: [1, 1, 1], kd: [1, 1, 1]}",
+        reference="{kind: constant}",
+        controllers="[gt]",
+        actuators=f"[{{kind: thrusters, thrusters: [{first}, {others}]}}]",
+    )
+    (tmp_path / "c.yaml").write_text(text)
+    experiment = build(read_config(tmp_path / "c.yaml", {}))
+    numbers = drawn_numbers(experiment)
+    where = "actuators[0].thrusters[0]"
+    assert {n.key: n.unit for n in numbers} == {f"{where}.at[0]": "m", f"{where}.along[1]": "1"}
+    draws = philox(1, 1, "actuators[0]")
+    expected = [draws.normal(0.3, 0.1), draws.uniform(0.9, 1)]
+    np.testing.assert_array_equal(values_of(experiment, numbers)[:, 1], expected)
+
+
 @pytest.mark.ci("two results")
 def test_results_hold_them_and_the_same_without_draws_holds_nothing_more(tmp_path):
     for name, plant in (("drawn", PLANT), ("fixed", None)):
