@@ -31,7 +31,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from made_up import Table, write
 from measuring import Measuring
-from small_experiment import configuration
+from small_experiment import FEW_RUNS, configuration
 
 from eqt_cli.base.errors import EqtWarning, Problems
 from eqt_cli.base.extensions import shipped
@@ -545,6 +545,25 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         return folder
 
     return made
+
+
+@pytest.fixture(scope="session")
+def changed(invoke, made_once):
+    """The paper with 20 runs, with a stiffer law, with other starts, and some runs of two laws."""
+
+    def make(folder):
+        for name, change in {
+            "soft": [],
+            "stiff": ["--set", "gains.kp=2"],
+            "other": ["--set", "ensemble.seed=3", "--set", "ensemble.runs=15"],
+            "few": [
+                *("--set", "controllers=[eqt, {kind: gt, label: mine}]"),
+                *("--set", "ensemble.runs=4", "--set", "store.trajectories=none"),
+            ],
+        }.items():
+            invoke("run", "paper", *FEW_RUNS, *change, "--out", folder / name)
+
+    return made_once("changed", make)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.gate import Finding
 from eqt_cli.analysis.intervals import (
     FEWEST,
     NEGLIGIBLE,
@@ -432,7 +431,7 @@ class Comparison(InNotebook):
     identical: bool = False
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
-    gate: Sequence[Finding] | None = None
+    gate: Sequence[Any] | None = None
 
     @property
     def how(self) -> Resampling:

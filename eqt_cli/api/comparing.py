@@ -13,6 +13,7 @@ import numpy as np
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
 from eqt_cli.base.errors import EqtError, Remedy, suggestion
+from eqt_cli.base.extensions import function_for
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
@@ -108,17 +109,15 @@ def compare(
         if other is None:
             chosen = chosen_labels(before, controllers, without_start=without_start)
             return compared(before, labels=chosen)
-        from eqt_cli.analysis.worsening import checked, findings
-
         with open_at(path_from("other", other), point) as second:
             now, is_gate = second.in_units(units), fail_on is not None
             _require_same(opened, second, same)
             pairs = _counterparts(opened, second, law or {}, controllers, all_needed=is_gate)
-            rules = checked(fail_on, before, now, over) if fail_on is not None else []
+            if is_gate:
+                gate = function_for("compare --fail-on")(fail_on, before, now, over)
             between = _between(opened, second)
             both = compared(before, now, between=between, counterparts=pairs)
-            gate = list(findings(both, before, now, rules, over, pairs)) if is_gate else None
-            return replace(both, gate=gate)
+            return replace(both, gate=gate(both, pairs)) if is_gate else both
 
 
 def _windows(windows: Sequence[str | Window]) -> list[Window]:

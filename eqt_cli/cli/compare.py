@@ -20,7 +20,6 @@ from eqt_cli.results.summary import compared_first
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.differences import Dataset, Differences
-    from eqt_cli.analysis.gate import Finding
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.base.reporting import TextTable
     from eqt_cli.results.quantity import Plain
@@ -343,7 +342,11 @@ def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gat
         shown = _tables(comparison, look)
     if comparison.gate is None:
         return shown
-    return _with_gate(shown, comparison.gate, gate.undecided is Undecided.PASS)
+    outcome = function_for("outcome of a gate")
+    is_open = gate.undecided is Undecided.PASS
+    passes, record, lines = outcome(comparison.gate, undecided=is_open)
+    document = {"gate": record, **shown.document}
+    return shown._replace(document=document, passes=passes, gate=[*lines, ""])
 
 
 def _answer(comparison: Comparison, against: Sequence[str], chosen: bool) -> _Findings:
@@ -412,15 +415,6 @@ def _document(comparison: Comparison, against: Sequence[str]) -> dict[str, Any]:
         "missing": comparison.missing,
         **({"between": comparison.between} if comparison.between else {}),
     }
-
-
-def _with_gate(shown: _Findings, findings: Sequence[Finding], lenient: bool) -> _Findings:
-    from eqt_cli.analysis import gate
-
-    passes = gate.passes(findings, undecided=lenient)
-    record = {"passes": passes, "findings": [each.record() for each in findings]}
-    lines = [*gate.lines(findings, undecided=lenient), ""]
-    return shown._replace(document={"gate": record, **shown.document}, passes=passes, gate=lines)
 
 
 # Differences --------------------------------------------------------------------------------------

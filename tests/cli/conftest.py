@@ -7,7 +7,7 @@ import sys
 from collections import namedtuple
 
 import pytest
-from small_experiment import FEW_RUNS, configuration
+from small_experiment import configuration
 
 Done = namedtuple("Done", "code out err")
 """How a command ended."""
@@ -82,22 +82,3 @@ def process():
         return Done(done.returncode, done.stdout, done.stderr)
 
     return call
-
-
-@pytest.fixture(scope="session")
-def changed(invoke, made_once):
-    """The paper with 20 runs, with a stiffer law, with other starts, and some runs of two laws."""
-
-    def make(folder):
-        for name, change in {
-            "soft": [],
-            "stiff": ["--set", "gains.kp=2"],
-            "other": ["--set", "ensemble.seed=3", "--set", "ensemble.runs=15"],
-            "few": [
-                *("--set", "controllers=[eqt, {kind: gt, label: mine}]"),
-                *("--set", "ensemble.runs=4", "--set", "store.trajectories=none"),
-            ],
-        }.items():
-            invoke("run", "paper", *FEW_RUNS, *change, "--out", folder / name)
-
-    return made_once("changed", make)

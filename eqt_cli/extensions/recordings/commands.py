@@ -339,15 +339,14 @@ def compare_flights(
         --undecided WORD  fail or pass, where a rule is not shown to hold.
     """
     from eqt_cli import api
-    from eqt_cli.analysis import gate
+    from eqt_cli.extensions.gate.gate import outcome
 
     fail_on, is_open = rules.arguments(files[0])["fail_on"], rules.undecided is Undecided.PASS
     span = {"begin": how.begin or "-inf", "end": how.end or "inf", "format": log_format}
     chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
     both = api.compare_flights(files, **chosen, **vars(how) | span, fail_on=fail_on or ())
-    lines = [*gate.lines(both.findings, undecided=is_open), ""] if fail_on else []
-    passes = gate.passes(both.findings, undecided=is_open)
-    record = {"passes": passes, "findings": [finding.record() for finding in both.findings]}
+    passes, record, lines = outcome(both.findings, undecided=is_open)
+    lines = [*lines, ""] if fail_on else []
     with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
         if json:
             output.print_json(({"gate": record} if fail_on else {}) | both.document)

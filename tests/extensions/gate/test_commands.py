@@ -21,7 +21,7 @@ from stored import fixed
 
 from eqt_cli.results.result import open_result
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 RULE = "mean_attitude_error worse by 5 %"
 
 

@@ -1,7 +1,7 @@
 """The findings of a gate on two results: which runs fail anew, and what each rule says."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,12 +10,30 @@ from eqt_cli.analysis import intervals
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison import Comparison, Pair
 from eqt_cli.analysis.comparison_tables import name_of
-from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.analysis.intervals import FEWEST, Interval, Resampling, Word
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of
+from eqt_cli.extensions.gate.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
+
+
+def gate(
+    fail_on: Sequence[str], baseline: Result, candidate: Result, windows: Sequence[Window]
+) -> Callable[[Comparison, Mapping[str, str]], list[Finding]]:
+    """Return what finds, of a comparison and its pairs of laws, what each rule says.
+
+    Raises
+    ------
+    EqtError
+        In the cases of `checked`, before anything is compared.
+    """
+    rules = checked(fail_on, baseline, candidate, windows)
+
+    def judge(comparison: Comparison, pairs: Mapping[str, str]) -> list[Finding]:
+        return list(findings(comparison, baseline, candidate, rules, windows, pairs))
+
+    return judge
 
 
 def checked(

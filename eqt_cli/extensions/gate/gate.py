@@ -179,6 +179,15 @@ def passes(findings: Sequence[Finding], *, undecided: bool = False) -> bool:
     return all(finding.outcome in allowed for finding in findings)
 
 
+def outcome(
+    findings: Sequence[Finding], *, undecided: bool = False
+) -> tuple[bool, dict[str, Any], list[str]]:
+    """Return whether a gate passes, a record of it for programs, and its lines."""
+    is_open = passes(findings, undecided=undecided)
+    record = {"passes": is_open, "findings": [finding.record() for finding in findings]}
+    return is_open, record, lines(findings, undecided=undecided)
+
+
 def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
     """Say whether the gate passes, and then each finding, the worst first."""
     ranked = sorted(findings, key=lambda finding: list(Outcome).index(finding.outcome))
