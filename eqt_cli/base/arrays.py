@@ -259,22 +259,22 @@ def cross(a: Array, b: Array) -> Array:
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 
-    LAPACK's for floats. For symbols that of their table, or Gauss-Jordan elimination without
-    pivoting or branches, stable by definiteness (Golub and Van Loan, Matrix Computations, 4.2).
+    That of a table of symbols, or Gauss-Jordan elimination without pivoting or branches, stable by
+    definiteness (Golub and Van Loan, Matrix Computations, 4.2), so that floats and programs have
+    the same bits.
     """
-    if matrix.dtype != object:
-        return np.linalg.inv(matrix)
-    for table in (_symbol_tables.get(type(entry), {}) for entry in matrix.flat):
-        if "inverse" in table:
+    for entry in matrix.flat if matrix.dtype == object else ():
+        if "inverse" in (table := _symbol_tables.get(type(entry), {})):
             return table["inverse"](matrix)
     n = matrix.shape[-1]
-    identity = np.eye(n, dtype=int)  # a float would spoil fractions
+    # A float would spoil fractions.
+    identity = np.eye(n, dtype=int if matrix.dtype == object else float)
     work = np.concatenate([matrix, np.broadcast_to(identity, matrix.shape)], axis=-1)
     for k in range(n):
-        work[..., k, :] = work[..., k, :] / work[..., k, k, None]
-        for row in range(n):
-            if row != k:
-                work[..., row, :] = work[..., row, :] - work[..., row, k, None] * work[..., k, :]
+        row = work[..., k, None, :] / work[..., k, None, k, None]
+        others = [other for other in range(n) if other != k]
+        work[..., others, :] = work[..., others, :] - work[..., others, k, None] * row
+        work[..., k, :] = row[..., 0, :]
     return work[..., n:]
 
 

@@ -403,9 +403,8 @@ class ConstantInertia(TrueInertia):
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
-        # LAPACK's last bits depend on the processor; exact fractions take long for each run.
-        inverse = inverse_spd(matrix.astype(object)).astype(float)
-        return with_fields(self, matrix=matrix, inverse=inverse)
+        # Exact fractions, as for inertia that is not drawn, take long for each run.
+        return with_fields(self, matrix=matrix, inverse=inverse_spd(matrix))
 
     def at(self, model: Inertia, t: Any) -> Inertia:
         """Return the constant tensor."""
