@@ -545,12 +545,13 @@ def in_index(study: Study) -> list[Measure]:
 def new_result_file(study: Study, path: Path) -> AbstractContextManager[Assembly]:
     """Open the result file of points of one shape for writing; it appears when the block ends."""
     coords = coordinates(study.base, study.trajectories) | swept_coordinates(study)
+    variables = blanks(study) | further_variables(study)
     if study.whole is None:
-        return _assembled(study, path, coords, blanks(study) | _laws(study) | _further(study))
+        return _assembled(study, path, coords, variables | _laws(study))
     assert study.sweep is not None
     points, about = np.array(study.sweep.points), {"long_name": "number of the point in the sweep"}
     coords[POINT] = Variable((POINT,), points, about)
-    return _assembled(study, path, coords, blanks(study) | _further(study))
+    return _assembled(study, path, coords, variables)
 
 
 def write_index(study: Study, path: Path, attributes: Mapping[str, Attribute]) -> None:
@@ -590,7 +591,7 @@ def _laws(study: Study) -> dict[str, Variable]:
     return {LAW: Variable((POINT, "controller"), laws, meaning)}
 
 
-def _further(study: Study) -> dict[str, Variable]:
+def further_variables(study: Study) -> dict[str, Variable]:
     """Return the variables that extensions add."""
     of_extensions = functions_for("variables of a result")
     return {name: x for variables in of_extensions for name, x in variables(study).items()}

@@ -36,6 +36,7 @@ from eqt_cli.runs.folder import (
     RERUN,
     ResultFolder,
     described,
+    further_variables,
     in_index,
     new_result_file,
     stored_quantities,
@@ -62,10 +63,9 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
     """
     root = in_index(study)
     integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
+    names = {LAW, SHAPE, *(entry.name for entry in root), *further_variables(study)}
     with open_results(results) as old:
-        if set(old.names) - {LAW, SHAPE, *(entry.name for entry in root)} or integers - set(
-            old.names
-        ):
+        if set(old.names) - names or integers - set(old.names):
             raise EqtError(
                 f"{results}: was written by a version of eqt that stores other variables",
                 Remedy("compute its failed runs with that version"),
