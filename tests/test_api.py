@@ -403,7 +403,7 @@ def test_tutorial_runs_as_it_stands(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "mean_torque, eqt − gt: -" in done.stdout
+    assert "mean_torque, gt − eqt: 0" in done.stdout
     assert "kd = 1.0: final attitude error of eqt" in done.stdout
 
 

@@ -15,7 +15,6 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex
-from eqt_cli.results.summary import compared_first
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -281,6 +280,7 @@ def _of_whole(
         if not result.is_sweep:
             return None
         from eqt_cli.analysis.maps import map_records, map_tables
+        from eqt_cli.results.summary import compared_first
 
         if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(

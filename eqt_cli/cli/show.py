@@ -14,7 +14,6 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.cli import options, output
-from eqt_cli.results.summary import compared_first, headline, unit_in_words
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
@@ -240,6 +239,7 @@ def _listed(path: Path) -> dict[str, Any]:
     """Return a line about a result, also about one that cannot be read."""
     from eqt_cli.base.reporting import significant
     from eqt_cli.results.result import open_result
+    from eqt_cli.results.summary import compared_first, headline, unit_in_words
 
     record = {"result": str(path.parent), "begun": "", "laws": "", "runs": "", "headline": ""}
     try:
