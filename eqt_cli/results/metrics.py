@@ -373,7 +373,9 @@ METRICS = (
     _final("propellant", "burnt", "mass", label="propellant", compared=(WHOLE,), stored_of=_burns),
     _final("final_stored_momentum", "stored_momentum", "||A h||", stored_of=attrgetter("wheels")),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
-    _closing("closing_attitude_error", "attitude_angle", "the attitude error", stored=False),
+    _closing(
+        "closing_attitude_error", "attitude_angle", "the attitude error", stored=False, compared=()
+    ),
     _closing("closing_torque", "torque_norm", "||tau||"),
     _rms_of_estimate("estimate_rms", "estimate_error", "||I - Qhat^-1 Q||_F", compared=(WHOLE,)),
     _rms_of_estimate("bias_rms", "bias_error", "||b - bhat||"),
