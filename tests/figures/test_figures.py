@@ -171,6 +171,8 @@ def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
 @every_figure_of_runs
 @unarranged
 def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
+    if name == "failures":
+        pytest.skip("it shows them")
     status = np.zeros_like(opened(so3)["status"])
     status[1, [3, 4]] = 3  # the first run is what figures of one run show
     status[2] = 1

@@ -35,9 +35,10 @@ class ShownFailures(ShownControllers):
     answers: list[tuple[BadRuns, list[Finding]]]
 
     def notes(self) -> list[str]:
-        """Return what tells the bad runs of each law from the others."""
+        """Return what tells the bad runs from the others, of each law where something does."""
         (result,) = self.results
-        return [f"{answer(result, law, rows)}." for law, rows in self.answers] + self.remarks
+        telling = [x for x in self.answers if any(row.telling for row in x[1])]
+        return [f"{answer(result, law, rows)}." for law, rows in telling] + self.remarks
 
 
 @dataclass(frozen=True)
