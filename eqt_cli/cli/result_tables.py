@@ -37,9 +37,6 @@ IN_WORDS = {
 }
 """Symbols of headings, and what they are."""
 
-BEST = "*"
-"""Mark of the best mean."""
-
 MANY, RARE = 1000, 0.01
 """Minimum runs, and maximum share of unsettled runs, for exact intervals of that share."""
 
@@ -92,27 +89,21 @@ def outcome_record(result: Result) -> dict[str, Any]:
 
 
 def _headline(result: Result, laws: list[dict[str, Any]]) -> Text:
-    """Return a line per law: how many runs settle, the means of errors and torque, the best marked.
+    """Return a line per law: how many runs settle, and the means of errors and torque.
 
-    Parts with units of their own have columns of their own.
+    Parts with units of their own have columns of their own. No law is marked as the best, since a
+    smaller mean may be luck: `eqt compare` tests that.
     """
     names = list(_shown(result))
     titles = [result.title_of[row["controller"]] for row in laws]
     columns = [titles, [_ended(row) for row in laws]]
     for name in names:
-        means = [row.get(name, np.nan) for row in laws]
-        ranked = result.quantity(name).better == "lower" and np.isfinite(means).sum() > 1
-        best = np.nanmin(means) if ranked else np.nan
-        blank = "  " if ranked else ""
-        marks = (f" {BEST}" if x == best else blank for x in means)
-        columns.append([significant(x) + mark for x, mark in zip(means, marks, strict=True)])
+        columns.append([significant(row.get(name, np.nan)) for row in laws])
     settled = "settled" if all("settled" in row for row in laws) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
-    has_best = any(cell.endswith(BEST) for column in columns[2:] for cell in column)
-    notes = [f"{BEST} the best mean"] if has_best else []
     spare = tuple(head for head in reversed(header) if head.startswith("final"))
     rows = [list(row) for row in zip(*columns, strict=True)]
-    return output.laid_out(TextTable("headline", "", header, [Block("", rows)], notes, spare))
+    return output.laid_out(TextTable("headline", "", header, [Block("", rows)], [], spare))
 
 
 def _shown(result: Result) -> Iterator[str]:

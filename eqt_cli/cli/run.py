@@ -251,10 +251,9 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     from eqt_cli.cli.result_tables import print_outcome
 
     print_outcome(results, [_about(done, results), ""])
-    commands = ["compare", "plot", "report"]
+    following = f"eqt compare {done.path}   tells which law is better (or plot, report)"
     if len(results.labels) < 2:
-        commands = commands[1:]
-    following = f"eqt {commands[0]} {done.path}   (or {', '.join(commands[1:])})"
+        following = f"eqt plot {done.path}   (or report)"
     if done.failed == done.runs:
         following = f"eqt show {done.path} --failed"
     output.print_text(f"results  {done.file}", f"next     {following}")

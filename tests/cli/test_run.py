@@ -48,10 +48,10 @@ def assert_equal_datasets(one, other):
 
 def test_the_summary(eqt):
     done = eqt("run", "c.yaml")
-    about, space, header, rule, *laws, blank, best, gap, checked, results, following = (
+    about, space, header, rule, *laws, gap, checked, results, following = (
         done.out.splitlines()
     )
-    assert (done.code, done.err, space, blank, gap) == (0, "", "", "", "")
+    assert (done.code, done.err, space, gap) == (0, "", "", "")
     stages = r"(( \(|, )(compiling|cross-check|writing) \d+\.\d s)*\)?"
     assert re.fullmatch(rf"c: 6 runs of 1 s in \d+\.\d s{stages}", about)
     assert re.split(" {2,}", header) == [
@@ -63,17 +63,15 @@ def test_the_summary(eqt):
     ]
     assert set(rule) == {"─", " "}
     assert [law.split()[:2] for law in laws] == [["EqT", "0/3"], ["GT", "0/3"]]
-    assert best == "* the best mean"
     with open_results("results/c") as stored:
         names = "mean_attitude_error", "final_attitude_error", "early_torque"
         means = [stored[name].mean(axis=1) for name in names]
-    shown = [re.findall(r"[\d.]+(?: \*)?", law)[2:] for law in laws]
+    shown = [re.findall(r"[\d.]+", law)[2:] for law in laws]
     for column, of_laws in zip(zip(*shown, strict=True), means, strict=True):
-        assert [cell.endswith("*") for cell in column] == (of_laws == of_laws.min()).tolist()
-        assert [float(cell.split()[0]) for cell in column] == pytest.approx(of_laws, rel=1e-3)
+        assert [float(cell) for cell in column] == pytest.approx(of_laws, rel=1e-3)
     assert re.fullmatch(r"checked  energy balance to \de-\d\d", checked)
     assert results == f"results  {Path('results/c/results.h5')}"
-    assert following == "next     eqt compare results/c   (or plot, report)"
+    assert following.startswith("next     eqt compare results/c ")
 
 
 def test_the_summary_tells_how_accurate_it_is_and_warns_of_large_estimates(eqt, monkeypatch):
@@ -100,10 +98,9 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
         shares = results["saturated_share"].mean(axis=1)
     assert 0 < min(shares) and 0 < sum(settled) < 6
     lines = done.out.splitlines()
-    assert [lines[4].split()[1], lines[5].split()[1], lines[9]] == [
-        *(f"{count}/3" for count in settled),
-        f"time at a limit: EqT {100 * shares[0]:.2f} %, GT {100 * shares[1]:.2f} %",
-    ]
+    assert [line.split()[1] for line in lines[4:6]] == [f"{count}/3" for count in settled]
+    said = f"time at a limit: EqT {100 * shares[0]:.2f} %, GT {100 * shares[1]:.2f} %"
+    assert said in lines
     rows = json.loads(eqt(*run, "--json").out)["controllers"]
     assert [row["settled"] for row in rows] == settled
     assert [row["saturated_share"] for row in rows] == shares.tolist()
