@@ -346,14 +346,16 @@ def text_tables(
 
 def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     rows, notes, titles = [], list[str](), comparison.titles
+    winners = _winners(comparison)
     for _, group in groupby(comparison.levels, key=lambda level: id(level.measured)):
         levels = list(group)
         percent_of_runs = write.text(", % of runs") if levels[0].measured.quantity.counts else ""
         name = name_of(levels[0].measured, comparison, write) + percent_of_runs
-        rows.append([name, *_values(levels, write)])
+        winner = winners.get(id(levels[0].measured), "")
+        rows.append([name, *_values(levels, winner, write)])
         notes += _notes_on(levels, titles)
-    if len(titles) > 1:
-        notes.append(f"{write.best_is}: the best mean.")
+    if winners:
+        notes.append(f"{write.best_is}: better than every other law in most runs.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
     if unmatched := ", ".join(titles[label] for label in comparison.not_matched):
@@ -372,16 +374,26 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     return TextTable("controllers", caption, ["measure", *laws], blocks, notes)
 
 
-def _values(levels: Sequence[Level], write: Plain) -> Iterator[str]:
-    """Yield the means, the best of them marked."""
-    quantity = levels[0].measured.quantity
-    written = write.interval if quantity.counts else write.spread
-    best = min((quantity.cost(level.mean) for level in levels), default=0.0)
-    factor = 100 if quantity.counts else 1
+def _winners(comparison: Comparison) -> dict[int, str]:
+    """Return the law that is better than every other one, by the identity of a measure."""
+    beats: dict[int, Counter[str]] = {}
+    for pair in comparison.pairs:
+        wins = beats.setdefault(id(pair.measured), Counter())
+        if pair.word == Word.BETTER:
+            wins[pair.first] += 1
+        elif pair.word == Word.WORSE:
+            wins[pair.second] += 1
+    others = len(comparison.labels) - 1
+    return {k: law for k, wins in beats.items() for law in wins if wins[law] == others}
+
+
+def _values(levels: Sequence[Level], winner: str, write: Plain) -> Iterator[str]:
+    """Yield the means, that of the winner marked."""
+    counts = levels[0].measured.quantity.counts
+    written, factor = (write.interval, 100) if counts else (write.spread, 1)
     for level in levels:
         cell = written(*(factor * number for number in (level.mean, level.low, level.high)))
-        ranked = quantity.better != "neither" and quantity.cost(level.mean) == best
-        yield write.best(cell) if ranked and len(levels) > 1 else cell
+        yield write.best(cell) if level.controller == winner else cell
 
 
 def _notes_on(levels: Sequence[Level], titles: Mapping[str, str]) -> Iterator[str]:

@@ -93,11 +93,8 @@ def test_a_failed_run_is_of_no_share(make_result):
 def test_tables_say_which_intervals_shares_have(settling):
     made = text_tables(compare(settling, metrics=["settled"]), Plain())
     (row,) = made["controllers"].blocks[0].rows
-    assert row[-2:] == ["*71 [36, 92]", "43 [16, 75]"]
-    assert made["controllers"].notes == [
-        "*: the best mean.",
-        "Shares of runs: with 95 % Wilson intervals.",
-    ]
+    assert row[-2:] == ["71 [36, 92]", "43 [16, 75]"]
+    assert made["controllers"].notes == ["Shares of runs: with 95 % Wilson intervals."]
     [row] = made["pairs"].rows
     assert row[:3] == ["settled", "-0.29 [-0.58, 0.14]", "−29 points [−58, +14]"]
 
