@@ -85,6 +85,7 @@ from eqt_cli.components.groups import MatrixLieGroup as MatrixLieGroup
 from eqt_cli.components.groups import Part as Part
 from eqt_cli.components.groups import ProductGroup as ProductGroup
 from eqt_cli.components.groups import group_named as group_named
+from eqt_cli.components.groups import log_force as log_force
 from eqt_cli.components.inertia import Inertia as Inertia
 from eqt_cli.components.initial_states import AnglePose as AnglePose
 from eqt_cli.components.initial_states import Euler as Euler

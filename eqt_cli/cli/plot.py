@@ -197,7 +197,7 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
-    from eqt_cli.components.groups import known_group
+    from eqt_cli.components.groups import known_group, moving_parts
     from eqt_cli.figures.figure import figures
     from eqt_cli.figures.render import first_figure
 
@@ -205,7 +205,7 @@ def _of_one(result: Result) -> list[str]:
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
         return errors
     group = known_group(result.group_name)
-    _, moving = group.moving_parts if group else (None, None)
+    _, moving = moving_parts(group) if group else (None, None)
     placed = moving is not None and moving.dimension > 1
     commanded = ["commands"] if result.has("command") else []
     names = ["path", *errors, "pose"] if placed and "path" in figures.names() else errors

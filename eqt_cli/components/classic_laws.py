@@ -12,7 +12,7 @@ from eqt_cli.base.arrays import Array, Arrays, absolute, dot, exp, log, stack, t
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import HasHalfTurns, MatrixLieGroup, log_force
 from eqt_cli.components.laws import BODY_ENERGY, Controller, ReadsLimits, published
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
 from eqt_cli.components.motions import PlantModel
@@ -126,12 +126,12 @@ class Logarithmic(CancellingLaw):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a group without the derivative of its logarithm."""
         with problems.catching():
-            G.log_force(np.zeros(G.dimension), np.zeros(G.dimension))
+            log_force(G, np.zeros(G.dimension), np.zeros(G.dimension))
 
     def force(self, r: Tracking) -> Array:
         """J_r⁻ᵀ(x) H x."""
         x = r.G.log(r.Q)
-        return r.G.log_force(x, r.linear_gradient(x))
+        return log_force(r.G, x, r.linear_gradient(x))
 
     def potential(self, r: Tracking) -> Array:
         """½⟨H x, x⟩."""
@@ -174,20 +174,25 @@ class Quaternion(CancellingLaw):
 
     def force(self, r: Tracking) -> Array:
         """2 H q."""
-        _, twice_q = r.G.half_turn(r.Q)
+        _, twice_q = self._half_turn(r)
         return r.linear_gradient(twice_q)
 
     def potential(self, r: Tracking) -> Array:
         """4h(1 − q₀) with h the mean stiffness."""
-        scalar, _ = r.G.half_turn(r.Q)
+        scalar, _ = self._half_turn(r)
         return (4 * (1 - stack([scalar])) * self._mean(r))[..., 0]
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d e, e⟩, plus the power of stiffness that differs between axes."""
         r = s.relative
-        _, twice_q = r.G.half_turn(r.Q)
+        _, twice_q = self._half_turn(r)
         uneven = r.linear_gradient(twice_q) - self._mean(r) * twice_q
         return dot(r.body_damping + uneven, r.V_tilde)
+
+    def _half_turn(self, r: Tracking) -> tuple[Array, Array]:
+        """q₀ and 2q."""
+        assert isinstance(r.G, HasHalfTurns)
+        return r.G.half_turn(r.Q)
 
     def _mean(self, r: Tracking) -> Array:
         """h, ``(..., 1)``."""

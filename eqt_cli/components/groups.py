@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import Any, Self
+from typing import Any, Protocol, Self, runtime_checkable
 from unicodedata import normalize
 
 import numpy as np
@@ -105,38 +105,15 @@ class MatrixLieGroup(ABC):
         """The parts of the coordinates, each with its own units."""
 
     @property
-    def directions(self) -> tuple[str, ...]:
-        """Names of the coordinates of a command: torque x, force z; torque in the plane."""
-        units = {k: p.force_unit for p in self.parts for k in range(self.dimension)[p.axes]}
-        words = ["torque" if units[k] == "N m" else "force" for k in range(self.dimension)]
-        axes = [normalize("NFKC", name) for name in self.axis_names]  # digits for subscripts
-        names = ([f"{a} {b[k:]}".strip() for a, b in zip(words, axes, strict=True)] for k in (1, 0))
-        return next(tuple(each) for each in names if len({*each}) == len(each))
-
-    @property
     def translation(self) -> Part | None:
         """The only part whose velocity is in m/s; None if there is none, or more than one."""
         moving = [part for part in self.parts if part.velocity_unit == "m/s"]
         return moving[0] if len(moving) == 1 else None
 
     @property
-    def moving_parts(self) -> tuple[Part | None, Part | None]:
-        """The first rotation, and the first position in metres."""
-        turning = next((part for part in self.parts if part.turns), None)
-        return turning, next((part for part in self.parts if part.pose_unit == "m"), None)
-
-    @property
     def compact(self) -> bool | None:
         """Whether the group is compact, so that every trajectory is bounded; None: not known."""
         return None
-
-    @property
-    def compact_times_vector(self) -> bool | None:
-        """Whether it is compact ⋉ vector space, where Ad_Q is bounded if Q is; None: not known.
-
-        The class of Hampsey et al. (2025), Remark 6.3.
-        """
-        return self.compact
 
     @classmethod
     def named(cls, name: str) -> Self | None:
@@ -162,39 +139,6 @@ class MatrixLieGroup(ABC):
     def log(self, Q: Array) -> Array:
         """The principal logarithm in coordinates, ``(..., d, d) -> (..., m)``."""
 
-    def cayley(self, V: Array) -> Array:
-        """Cayley's transform (I − V^)⁻¹(I + V^), ``(..., m) -> (..., d, d)``.
-
-        It needs + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every
-        pose. The result is in the group if the group preserves a quadratic form, perhaps with
-        columns that it acts on; other groups must override this with another rational map.
-        """
-        U = self.hat(V)
-        return inverse_spd(self.identity - U) @ (self.identity + U)
-
-    def log_force(self, x: Array, p: Array) -> Array:
-        """Return the covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.
-
-        ``(..., m), (..., m) -> (..., m)``; f = J_r⁻ᵀ(x) p with the right Jacobian J_r. Only laws
-        that shape an energy of log Q need it; a group may leave it out.
-        """
-        raise ComponentError(f"group '{self.name}' has no derivative of the logarithm")
-
-    def half_turn(self, Q: Array) -> tuple[Array, Array]:
-        """Return cos(θ/2) and 2 sin(θ/2) times the axis of the shorter rotation to Q.
-
-        Defined for groups of rotations and of rigid motions; other groups raise an error.
-        """
-        raise ComponentError(f"group '{self.name}' has no half turns")
-
-    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
-        """Return the three principal moments of each rigid body in space, rising, kg m².
-
-        They are about the centre of mass, ``(..., m, m) -> (..., 3)`` for each body. Only rotations
-        and rigid motions of space have them.
-        """
-        return ()
-
     def jacobian(self, x: Array) -> Array:
         """J(x) = ∫₀¹ Ad_{exp(sx)} ds = Σ ad_xᵏ/(k + 1)!, ``(..., m) -> (..., m, m)``.
 
@@ -213,37 +157,6 @@ class MatrixLieGroup(ABC):
     @abstractmethod
     def drift(self, Q: Array) -> Array:
         """Return the distance of Q from the group, 0 on it, ``(..., d, d) -> (...)``."""
-
-    # Motion along one algebra element, which engines trace where it depends on time.
-
-    def screw(self, V: Array) -> tuple[Array, Array, Array]:
-        """Return a frame h in which V is simple, V = Ad_h U, with numbers and rates.
-
-        ``(..., m) -> (..., d, d), (..., n), (..., k)``; h is constant; the group chooses n and k.
-        ``h exp_along(numbers, a * rates) h⁻¹`` is exp(aV) for every number a, and
-        ``along(numbers, a * rates)`` is aU. Entries that are 0 cost nothing once compiled.
-        """
-        frame = np.broadcast_to(self.identity, (*V.shape[:-1], self.size, self.size))
-        return frame, V, np.ones((*V.shape[:-1], 1))
-
-    def along(self, numbers: Array, angles: Array) -> Array:
-        """Return the algebra element by `screw`'s results, ``(..., n), (..., k) -> (..., m)``."""
-        return numbers * angles
-
-    def exp_along(self, numbers: Array, angles: Array) -> Array:
-        """Return the exponential of `along`, ``(..., n), (..., k) -> (..., d, d)``; takes symbols.
-
-        Raises
-        ------
-        TraceError
-            For symbols, if the group does not override this method.
-        """
-        if angles.dtype == object or numbers.dtype == object:
-            raise TraceError(
-                f"group '{self.name}' has no method `exp_along` that takes symbols; "
-                "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
-            )
-        return self.exp(self.along(numbers, angles))
 
     def gram_rate(self, Q: Array, V: Array) -> Array:
         """Return the rate of QᵀQ along Q̇ = Q V^; a group may override it by a shorter form."""
@@ -279,16 +192,11 @@ class MatrixLieGroup(ABC):
         return M.reshape(*M.shape[:-2], self.size**2) @ self._flat_basis.T
 
     @cached_property
-    def structure_constants(self) -> Array:
-        """c[i, j, k] with [E_i, E_j] = Σ_k c[i, j, k] E_k, ``(m, m, m)``."""
-        E = self.basis
-        brackets = E[:, None] @ E[None, :]
-        return self.vee(brackets - brackets.swapaxes(0, 1))
-
-    @cached_property
     def _ad_tensor(self) -> Array:
-        # ad_V as a matrix has the entries (k, j) = Σ_i V_i c[i, j, k].
-        return self.structure_constants.swapaxes(1, 2).reshape(self.dimension, -1)
+        # ad_V has the entries (k, j) = Σ_i V_i c[i, j, k] with [E_i, E_j] = Σ_k c[i, j, k] E_k.
+        products = self.basis[:, None] @ self.basis[None, :]
+        c = self.vee(products - products.swapaxes(0, 1))
+        return c.swapaxes(1, 2).reshape(self.dimension, -1)
 
     def ad_matrix(self, V: Array) -> Array:
         """The matrix of U ↦ ad_V U = [V, U], ``(..., m) -> (..., m, m)``."""
@@ -360,6 +268,142 @@ class MatrixLieGroup(ABC):
         """Return the distance of a float matrix from the group; 0 on the group."""
         constant = np.abs(self.unpack(self.pack(Q)) - Q).max()
         return float(max(constant, 2.0 if np.linalg.det(Q) < 0 else 0.0, self.drift(Q)))
+
+
+# What the axes of a group are called --------------------------------------------------------------
+
+
+def command_axes(G: MatrixLieGroup) -> tuple[str, ...]:
+    """Return names of the coordinates of a command: torque x, force z; torque in the plane."""
+    units = {k: part.force_unit for part in G.parts for k in range(G.dimension)[part.axes]}
+    words = ["torque" if units[k] == "N m" else "force" for k in range(G.dimension)]
+    axes = [normalize("NFKC", name) for name in G.axis_names]  # digits for subscripts
+    names = ([f"{a} {b[k:]}".strip() for a, b in zip(words, axes, strict=True)] for k in (1, 0))
+    return next(tuple(each) for each in names if len({*each}) == len(each))
+
+
+def moving_parts(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
+    """Return the first rotation of a group, and its first position in metres."""
+    turning = next((part for part in G.parts if part.turns), None)
+    return turning, next((part for part in G.parts if part.pose_unit == "m"), None)
+
+
+# What a group may give besides, where somebody asks for it ----------------------------------------
+
+
+@runtime_checkable
+class HasHalfTurns(Protocol):
+    """A group of rotations, perhaps with columns that they turn."""
+
+    def half_turn(self, Q: Array) -> tuple[Array, Array]:
+        """Return cos(θ/2) ≥ 0 and 2 sin(θ/2) times the axis of the shorter rotation to Q."""
+
+
+@runtime_checkable
+class DerivesLog(Protocol):
+    """A group for laws that shape an energy of log Q."""
+
+    def log_force(self, x: Array, p: Array) -> Array:
+        """Return f of `log_force`."""
+
+
+def log_force(G: MatrixLieGroup, x: Array, p: Array) -> Array:
+    """Return the covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.
+
+    ``(..., m), (..., m) -> (..., m)``; f = J_r⁻ᵀ(x) p with the right Jacobian J_r.
+
+    Raises
+    ------
+    ComponentError
+        If the group does not give it.
+    """
+    if not isinstance(G, DerivesLog):
+        raise ComponentError(f"group '{G.name}' has no derivative of the logarithm")
+    return G.log_force(x, p)
+
+
+@runtime_checkable
+class HasRationalPoses(Protocol):
+    """A group that Cayley's transform leaves, with another rational map."""
+
+    def cayley(self, V: Array) -> Array:
+        """Return poses of exact coordinates, by + − × ÷ only."""
+
+
+def cayley(G: MatrixLieGroup, V: Array) -> Array:
+    """Return Cayley's transform (I − V^)⁻¹(I + V^), ``(..., m) -> (..., d, d)``.
+
+    It needs + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every pose.
+    The result is in the group if the group preserves a quadratic form, perhaps with columns that it
+    acts on; `HasRationalPoses` is for others.
+    """
+    if isinstance(G, HasRationalPoses):
+        return G.cayley(V)
+    U = G.hat(V)
+    return inverse_spd(G.identity - U) @ (G.identity + U)
+
+
+@runtime_checkable
+class HasRigidBodies(Protocol):
+    """A group of the motions of rigid bodies in space."""
+
+    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
+        """Return the moments of `principal_moments`."""
+
+
+def principal_moments(G: MatrixLieGroup, inertia: Array) -> tuple[Array, ...]:
+    """Return the three principal moments of each rigid body in space, rising, kg m².
+
+    They are about the centre of mass, ``(..., m, m) -> (..., 3)`` for each body.
+    """
+    return G.principal_moments(inertia) if isinstance(G, HasRigidBodies) else ()
+
+
+@runtime_checkable
+class Screws(Protocol):
+    """Motion along one element of the algebra, which engines trace where it depends on time."""
+
+    def screw(self, V: Array) -> tuple[Array, Array, Array]:
+        """Return a frame h in which V is simple, V = Ad_h U, with numbers and rates.
+
+        ``(..., m) -> (..., d, d), (..., n), (..., k)``; h is constant; the group chooses n and k.
+        ``h exp_along(numbers, a * rates) h⁻¹`` is exp(aV) for every number a, and
+        ``along(numbers, a * rates)`` is aU. Entries that are 0 cost nothing once compiled.
+        """
+
+    def along(self, numbers: Array, angles: Array) -> Array:
+        """Return the algebra element by `screw`'s results, ``(..., n), (..., k) -> (..., m)``."""
+
+    def exp_along(self, numbers: Array, angles: Array) -> Array:
+        """Return the exponential of `along`, ``(..., n), (..., k) -> (..., d, d)``."""
+
+
+def screws_of(G: MatrixLieGroup) -> Screws:
+    """Return the group itself if it has screws, or else the ones of any group, on floats."""
+    return G if isinstance(G, Screws) else _PlainScrews(G)
+
+
+@dataclass(frozen=True)
+class _PlainScrews:
+    """h = I, and exp by the group's own."""
+
+    G: MatrixLieGroup
+
+    def screw(self, V: Array) -> tuple[Array, Array, Array]:
+        size = self.G.size
+        frame = np.broadcast_to(self.G.identity, (*V.shape[:-1], size, size))
+        return frame, V, np.ones((*V.shape[:-1], 1))
+
+    def along(self, numbers: Array, angles: Array) -> Array:
+        return numbers * angles
+
+    def exp_along(self, numbers: Array, angles: Array) -> Array:
+        if angles.dtype == object or numbers.dtype == object:
+            raise TraceError(
+                f"group '{self.G.name}' has no method `exp_along` that takes symbols; "
+                "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
+            )
+        return self.G.exp(self.along(numbers, angles))
 
 
 groups = Registry(
@@ -460,17 +504,12 @@ class ProductGroup(MatrixLieGroup):
         """Whether all factors are compact."""
         return _all([factor.compact for factor in self.factors])
 
-    @property
-    def compact_times_vector(self) -> bool | None:
-        """Whether all factors are of the class, which is closed under products."""
-        return _all([factor.compact_times_vector for factor in self.factors])
-
     def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
         """Return the moments of the rigid bodies of all factors."""
         return tuple(
             moments
             for factor, _, axes in self._layout()
-            for moments in factor.principal_moments(inertia[..., axes, axes])
+            for moments in principal_moments(factor, inertia[..., axes, axes])
         )
 
     def inverse(self, Q: Array) -> Array:
@@ -493,31 +532,36 @@ class ProductGroup(MatrixLieGroup):
 
     def cayley(self, V: Array) -> Array:
         """Factor by factor."""
-        return self.assemble([G.cayley(V[..., axes]) for G, _, axes in self._layout()])
+        return self.assemble([cayley(G, V[..., axes]) for G, _, axes in self._layout()])
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """Factor by factor; the numbers and rates of the factors are concatenated."""
-        screws = [factor.screw(V[..., axes]) for factor, _, axes in self._layout()]
+        screws = [screws_of(G).screw(V[..., axes]) for G, _, axes in self._layout()]
         frames, numbers, rates = zip(*screws, strict=True)
         joined = np.concatenate(numbers, axis=-1), np.concatenate(rates, axis=-1)
         return self.assemble(list(frames)), *joined
 
     def along(self, numbers: Array, angles: Array) -> Array:
         """Factor by factor."""
-        vectors = [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
+        vectors = [s.along(numbers[..., n], angles[..., k]) for s, n, k in self._screws]
         return np.concatenate(vectors, axis=-1)
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
         """Factor by factor."""
-        poses = [G.exp_along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
+        poses = [s.exp_along(numbers[..., n], angles[..., k]) for s, n, k in self._screws]
         return self.assemble(poses)
 
     @cached_property
-    def _screws(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
-        """Each factor, with the places of its numbers and of its rates."""
-        screws = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
-        numbers = _slices([len(each) for _, each, _ in screws])
-        return list(zip(self.factors, numbers, _slices([len(r) for *_, r in screws]), strict=True))
+    def _screws(self) -> list[tuple[Screws, slice, slice]]:
+        """The screws of each factor, with the places of its numbers and of its rates."""
+        kinds = [screws_of(factor) for factor in self.factors]
+        _, numbers, rates = zip(
+            *(s.screw(np.zeros(G.dimension)) for s, G in zip(kinds, self.factors, strict=True)),
+            strict=True,
+        )
+        return list(
+            zip(kinds, _slices([*map(len, numbers)]), _slices([*map(len, rates)]), strict=True)
+        )
 
     def log(self, Q: Array) -> Array:
         """Factor by factor."""
@@ -525,7 +569,7 @@ class ProductGroup(MatrixLieGroup):
 
     def log_force(self, x: Array, p: Array) -> Array:
         """Factor by factor."""
-        forces = [factor.log_force(x[..., at], p[..., at]) for factor, _, at in self._layout()]
+        forces = [log_force(G, x[..., at], p[..., at]) for G, _, at in self._layout()]
         return np.concatenate(forces, axis=-1)
 
     def drift(self, Q: Array) -> Array:

@@ -23,7 +23,7 @@ from eqt_cli.base.arrays import (
     transpose,
 )
 from eqt_cli.base.expressions import Expression
-from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup, principal_moments
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import value_and_derivative
@@ -233,8 +233,8 @@ def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
     times, matrices = over_horizon(law, horizon)
     if isinstance(law, Inertia) and law.added is not None:
         matrices = matrices - law.added
-    others = G.principal_moments(with_other_products(G, matrices))
-    for moments, other in zip(G.principal_moments(matrices), others, strict=True):
+    others = principal_moments(G, with_other_products(G, matrices))
+    for moments, other in zip(principal_moments(G, matrices), others, strict=True):
         low, middle, high = moments.T
         broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))
         if broken.size:

@@ -209,6 +209,7 @@ class EuclideanGroup(MatrixLieGroup):
     """
 
     space: int
+    compact_times_vector: bool | None = True  # SO(n) ⋉ (R^n)^k is in the class of Remark 6.3
     columns: tuple[str, ...] = ()
     rates: tuple[str, ...] = ()
     column_units: tuple[str, ...] = ()
@@ -253,11 +254,6 @@ class EuclideanGroup(MatrixLieGroup):
     def compact(self) -> bool:
         """Whether there are no translations, which are unbounded."""
         return not self.columns
-
-    @property
-    def compact_times_vector(self) -> bool:
-        """True: SO(n) ⋉ (R^n)^k is in the class of Remark 6.3."""
-        return True
 
     def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
         """Return the eigenvalues of J − B M⁻¹ Bᵀ, of the blocks [[J, B], [Bᵀ, M]], in space."""
@@ -460,8 +456,6 @@ class EuclideanGroup(MatrixLieGroup):
         that is large enough to divide by (Shepperd, J. Guidance and Control 1 (1978) 223).
         """
         R = self.rotation(Q)
-        if not self.rotations:
-            return super().half_turn(Q)
         if self.space == 2:
             c, s = R[..., 0, 0], R[..., 1, 0]
             far = smooth_less(1 + 2 * c, FAR_TRACE)

@@ -24,7 +24,7 @@ from eqt_cli.base.arrays import (
     transpose,
 )
 from eqt_cli.base.errors import InputError, Problems, Remedy
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, screws_of
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.numbers.jets import Jet
@@ -65,7 +65,7 @@ def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array
     numbers, rates : (..., K, n), (..., K, k)
         As by the group's `screw`.
     """
-    frames, numbers, rates = G.screw(vectors)
+    frames, numbers, rates = screws_of(G).screw(vectors)
     before = np.concatenate([pose[..., None, :, :], G.inverse(frames)], axis=-3)
     after = np.broadcast_to(G.identity, pose.shape)[..., None, :, :]
     return ordered_product(before, np.concatenate([frames, after], axis=-3)), numbers, rates
@@ -91,10 +91,10 @@ def motion_along(
         Of each factor exp(a(t) ξ), a, a' and a'', each times the rates of the `screw`,
         ``(..., 3, k)``.
     """
-    last = len(numbers) - 1
+    last, screws = len(numbers) - 1, screws_of(G)
     for k in reversed(range(last + 1)):
-        A, link = G.exp_along(numbers[k], angles[k][..., 0, :]), links[..., k, :, :]
-        rows = G.along(numbers[k][..., None, :], angles[k][..., 1:, :])
+        A, link = screws.exp_along(numbers[k], angles[k][..., 0, :]), links[..., k, :, :]
+        rows = screws.along(numbers[k][..., None, :], angles[k][..., 1:, :])
         if k == last:
             T, moving = link @ A, rows  # V and V̇ as rows
             continue

@@ -16,7 +16,7 @@ from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit
 from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.components import motions
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, screws_of
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import AXES, LATER, TimeVarying
 from eqt_cli.components.pose_notation import check_turn, pose_from, vector
@@ -436,10 +436,11 @@ class PathReference(ClosedReference):
         """Return Q_d as a series; a factor E has the rate ȧ E ξ^."""
         links, numbers, rates = self.prepared(G, self._constants)
         Q: Any = links[0]
+        screws = screws_of(G)
         for each, of_each, rate, link in zip(self.factors, numbers, rates, links[1:], strict=True):
             angle: Any = stack([series(each.expression, {"t": t}, order)])
-            E: Any = Jet([G.exp_along(of_each, angle.value * rate)])
-            axis = G.hat(G.along(of_each, rate))
+            E: Any = Jet([screws.exp_along(of_each, angle.value * rate)])
+            axis = G.hat(screws.along(of_each, rate))
             while E.order < order:
                 E = E.extended((angle.rate[..., None] * E @ axis).derivative(E.order))
             Q = Q @ E @ link

@@ -39,7 +39,7 @@ from eqt_cli.components.actuators import (
     check_members,
     of_each,
 )
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.vehicle_parts import (
     Number,
@@ -502,9 +502,9 @@ class Thrusters(Solving, Running):
         A row of W along an axis has the name of this axis, any other one is a `force`.
         """
         if self.wanted is None:
-            return B, G.directions
+            return B, command_axes(G)
         axes = [np.flatnonzero(row) for row in np.array(self.wanted)]
-        names = [G.directions[each[0]] if len(each) == 1 else "force" for each in axes]
+        names = [command_axes(G)[each[0]] if len(each) == 1 else "force" for each in axes]
         return product(np.array(self.wanted), B), tuple(names)
 
     def _allocated(self, rows: Array, scale: Array) -> tuple[Array, Array | None]:

@@ -16,7 +16,7 @@ from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import THRUSTER, SmallErrors
 from eqt_cli.components.forces import Force
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
@@ -192,7 +192,7 @@ def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) 
     About an axis, θ̈ + d θ̇ + ω² θ = n/J; with a torque n of the deviation σ and the correlation
     exp(−|t|/T), θ has the variance (σ/J)² (1/T + d) / (ω² d (1/T² + d/T + ω²)).
     """
-    turning, poses = experiment.group.moving_parts[0], along_reference(experiment, shown).poses
+    turning, poses = moving_parts(experiment.group)[0], along_reference(experiment, shown).poses
     for index, force in enumerate(experiment.loop.vehicle.forces):
         of_lever = getattr(force, "lever_torque", None)
         if of_lever is None or turning is None:

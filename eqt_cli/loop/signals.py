@@ -18,7 +18,7 @@ from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
 from eqt_cli.components.blocks import COMMAND, Now, beyond_limits, cut_axes, signals
 from eqt_cli.components.estimators import pivots, symmetric
-from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.groups import MatrixLieGroup, Part, command_axes
 from eqt_cli.components.laws import Controller, OuterLoop, output_units, outputs, stored_numbers
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
@@ -101,7 +101,7 @@ class LoopSignal(Signal):
         """Return the parts with a norm of their own; empty if there is one part, or no norm."""
         if self.norm == "each":
             return tuple(
-                replace(part, name=group.directions[k].replace(" ", "_"), axes=slice(k, k + 1))
+                replace(part, name=command_axes(group)[k].replace(" ", "_"), axes=slice(k, k + 1))
                 for part in group.parts
                 for k in range(group.dimension)[part.axes]
             )

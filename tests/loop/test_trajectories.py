@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from small_loops import closed_loop
 
+from eqt_cli.components.groups import command_axes
 from eqt_cli.components.laws import Controller, Designed, EqT, Family, controllers
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
@@ -222,7 +223,7 @@ def test_signals_are_the_norms_they_are_named_after(G):
     here = [signal for signal in FORMULAS.values() if not signal.only_there and signal.exists_on(G)]
     norms = [s.name for s in here if s.norm in ("axes", "entries") and len(G.parts) > 1]
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
-    parts |= {f"cut_{name}".replace(" ", "_") for name in G.directions}
+    parts |= {f"cut_{name}".replace(" ", "_") for name in command_axes(G)}
     of_actuators = {"thrust", "wheel_momentum", "wheel_speed", "gimbal_angle", "gimbal_rate"}
     names = {signal.name for signal in here} - of_actuators
     names -= {"law_output"}  # of a law with memory

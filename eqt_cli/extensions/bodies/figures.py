@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, CountOrNone
-from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.groups import MatrixLieGroup, Part, moving_parts
 from eqt_cli.extensions.bodies.shapes import camera, course, outline, upright
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
@@ -185,7 +185,7 @@ class PathFigure(OverTime):
     def _view(self, runs: ShownRuns) -> str:
         """Return the view; empty for planes to choose from the data. Refuse what there is not."""
         G = runs.known_group()
-        turning, moving = G.moving_parts
+        turning, moving = moving_parts(G)
         placed = moving is not None and moving.entries[0].stop - moving.entries[0].start > 1
         spatial = turning is not None and turning.entries[0].stop - turning.entries[0].start == 3
         view = self.view or ("" if (placed and not self.error) or not spatial else "sphere")
@@ -208,7 +208,7 @@ class PathFigure(OverTime):
 
     def _flown(self, runs: ShownRuns, law: Ensemble, view: str, most: int, factor: float) -> Flown:
         """Return the paths of the first runs of a law."""
-        parts, axis = runs.known_group().moving_parts, self._axis(runs)[1]
+        parts, axis = moving_parts(runs.known_group()), self._axis(runs)[1]
         poses = runs.values("pose", law, most), runs.desired("pose", law)
         frame = upright(law.results) if view == "space" else None
         actual, desired = (course(each, *parts, frame) for each in poses)

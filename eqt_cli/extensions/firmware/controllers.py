@@ -22,7 +22,7 @@ from eqt_cli.components import matrix_groups
 from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.derived import coordinates_of
-from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.groups import MatrixLieGroup, Part, command_axes
 from eqt_cli.components.laws import (
     CodeCall,
     CodeFile,
@@ -220,8 +220,8 @@ class Output(Signal):
         if is_rotors and not order:
             problems.at("order").add("missing; name the rotors in the order of the output")
         for index, name in enumerate(order):
-            if not is_rotors and name not in G.directions:
-                expected = f"expected one of {', '.join(G.directions)}"
+            if not is_rotors and name not in command_axes(G):
+                expected = f"expected one of {', '.join(command_axes(G))}"
                 problems.at("order", index).add(f"{expected}, got {shown(name)}")
             elif name in order[:index]:
                 problems.at("order", index).add(f"{shown(name)} is named twice")
@@ -238,7 +238,7 @@ class Output(Signal):
         if self.order is None:
             return None
         if self.as_ != "rotors":
-            return np.eye(G.dimension)[:, [G.directions.index(str(name)) for name in self.order]]
+            return np.eye(G.dimension)[:, [command_axes(G).index(str(name)) for name in self.order]]
         parts = (each.members[THRUSTER] for each in plant.actuators if THRUSTER in each.members)
         rotors = next(parts, ())
         known = {**dict(enumerate(rotors, 1)), **dict(zip(rotors, rotors, strict=True))}
@@ -631,7 +631,7 @@ class Code(_Numbers, RunsCode, Previews):
         if output.as_ == "rotors":
             return np.empty((0, G.dimension))
         if output.order:
-            return np.eye(G.dimension)[[G.directions.index(str(name)) for name in output.order]]
+            return np.eye(G.dimension)[[command_axes(G).index(str(name)) for name in output.order]]
         return self.claimed.directions(G) if self.claimed else super().directions(G)
 
     def initial_memory(self, s: Tracking) -> Arrays:

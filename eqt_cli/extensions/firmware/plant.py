@@ -18,7 +18,7 @@ from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import Source, load
 from eqt_cli.components.blocks import acting_force
 from eqt_cli.components.forces import Restoring
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import LawInput, lie_poisson
@@ -91,11 +91,11 @@ class Model:
         if not isinstance(loop.inertia, Inertia) or loop.inertia.change is not None:
             raise EqtError("--plant: an inertia that varies in time is not covered")
         loop = with_fields(loop, vehicle=loop.vehicle.of_run(G))
-        if unknown := [axis for axis in axes or () if axis not in G.directions]:
-            names = ", ".join(G.directions)
+        if unknown := [axis for axis in axes or () if axis not in command_axes(G)]:
+            names = ", ".join(command_axes(G))
             raise EqtError(f"--adapter: input.axes: expected {names}, got {shown(unknown[0])}")
         parts: Any = next((x for x in loop.vehicle.actuators if isinstance(x, Thrusters)), None)
-        rows = [G.directions.index(axis) for axis in axes or G.directions]
+        rows = [command_axes(G).index(axis) for axis in axes or command_axes(G)]
         return cls(loop, np.eye(G.dimension)[:, rows] if parts is None else parts.matrix, parts)
 
     @property
@@ -381,8 +381,8 @@ class Plant:
         wrench = wrench * np.resize(self.signs, wrench.shape[1])
         named |= {"torque": wrench[:, :3], "force": wrench[:, 3:], "t": np.zeros(n)}
         named |= {"thrusts": states.inputs, self.adapter.step or "dt": np.full(n, step)}
-        directions = self.model.group.directions
-        u = wrench[:, [*map(directions.index, entry.axes or directions)]]
+        axes = command_axes(self.model.group)
+        u = wrench[:, [*map(axes.index, entry.axes or axes)]]
         if entry.as_ == "speeds" or (entry.as_ != "wrench" and self.model.thrusters is not None):
             u = self.filled(entry.as_, states)
         return named | {"u": u}

@@ -29,7 +29,7 @@ from eqt_cli.base.option_types import Count, Positive, Real
 from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER
 from eqt_cli.components.actuators import THRUSTS
-from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.groups import MatrixLieGroup, Part, command_axes, moving_parts
 from eqt_cli.components.laws import (
     MOST_AHEAD,
     CodeCall,
@@ -100,7 +100,7 @@ class Observed(Keys):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a signal that the group has not, and options that the signal does not take."""
-        turning, moving = G.moving_parts
+        turning, moving = moving_parts(G)
         if self.signal == LAST:
             for key in ("clip", "entries", "mean", "deviation"):
                 if getattr(self, key) != getattr(Observed(LAST), key):
@@ -139,7 +139,7 @@ class Observed(Keys):
         return self.scale * ((value - np.array(self.mean)) / np.array(self.deviation))
 
     def _signal(self, G: MatrixLieGroup, x: LawInput) -> Array:
-        turning, moving = G.moving_parts
+        turning, moving = moving_parts(G)
         if self.signal not in get_args(Motion):
             assert turning is not None
             R, Rd = (pose[(..., *turning.entries)] for pose in (x.pose, x.desired_pose))
@@ -538,7 +538,7 @@ class Network(RunsCode, Previews):
     ) -> tuple[Array, Array]:
         """Return the matrix from outputs to the command, ``(m, k)``, and the rows c₀, c₁, c₂."""
         said, k = self.commands_, self.network.commands
-        names, M, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
+        names, M, of_rotors = command_axes(G), np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
             rotors = [each for each in plant.actuators if THRUSTER in each.members]
             if not rotors:
@@ -569,8 +569,8 @@ class Network(RunsCode, Previews):
         order, axes = self.commands_.order, np.eye(G.dimension)
         if self.commands_.as_ == "rotors":
             return axes[:0]
-        names = [name for name in G.directions if order is None or name in order]
-        return axes[[G.directions.index(name) for name in names]]
+        names = [name for name in command_axes(G) if order is None or name in order]
+        return axes[[command_axes(G).index(name) for name in names]]
 
     @property
     def commands(self) -> str:  # type: ignore[override]  # a constant of most laws

@@ -16,6 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.components.actuators import THRUSTS
+from eqt_cli.components.groups import command_axes
 from eqt_cli.components.laws import OuterLoop
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
@@ -181,7 +182,7 @@ def _held(experiment: Experiment) -> Array:
 def _name(G: Any, direction: Array) -> str:
     """Return ``torque x``, ``force −z``, or ``force`` of an oblique direction."""
     [*axes] = np.flatnonzero(direction)
-    name = G.directions[axes[0]]
+    name = command_axes(G)[axes[0]]
     kind, _, axis = name.partition(" ")
     if len(axes) > 1:
         return str(kind)
@@ -251,7 +252,7 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
                 "command is cut; `allocation: bounded` finds thrusts that give the torque",
             )
             continue
-        if words := ", ".join(beside(each, experiment.group.directions)):
+        if words := ", ".join(beside(each, command_axes(experiment.group))):
             yield key, f"{each.part.name} give more than the law asks for: {words}"
         failing = each.fails is not None and each.fails.at <= experiment.config.time.duration
         before = each.left() if failing or shown is not None else None

@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, TraceError
+from eqt_cli.components.groups import cayley
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.extensions.proofs import exact
@@ -99,7 +100,7 @@ def _matrices(loop: ClosedLoop, carried: int) -> Array:
     one, axes = np.eye(n), np.vstack([np.zeros(m), np.eye(m)])
     x = np.vstack([np.tile(one, (1 + m, 1)), [any_x] * 2])
     Vd, poses = np.vstack([np.repeat(axes, n, axis=0), [any_V] * 2]), [G.identity] * len(x)
-    Vd_dot, poses[-2] = 0 * Vd, G.cayley(turn[None])[0]
+    Vd_dot, poses[-2] = 0 * Vd, cayley(G, turn[None])[0]
     Vd_dot[-1] = any_rate
     moving = exact.with_rate(entrywise(exact.Exact.of, 0 * x), x)
     rates = _rates(loop, carried, np.array(poses, dtype=object), Vd, Vd_dot, moving)

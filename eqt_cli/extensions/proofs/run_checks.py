@@ -4,12 +4,13 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.components.forces import ConstantForce
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
@@ -176,6 +177,23 @@ class VelocityBounded(Hypothesis):
         return [self.row(verdict, measured, remark="supremum over the horizon")]
 
 
+@runtime_checkable
+class InClass(Protocol):
+    """A group that knows whether it is a compact group ⋉ a vector space; None: not known."""
+
+    compact_times_vector: bool | None
+
+
+def compact_times_vector(G: MatrixLieGroup) -> bool | None:
+    """Return whether Ad_Q is bounded where Q is: the class of Remark 6.3, closed under products."""
+    if isinstance(G, ProductGroup):
+        answers = [compact_times_vector(factor) for factor in G.factors]
+        if False in answers:
+            return False
+        return None if None in answers else True
+    return G.compact_times_vector if isinstance(G, InClass) else G.compact
+
+
 class AdjointBounded(Hypothesis):
     """Ad_{Q_d} and its inverse are bounded with Q_d on a compact group times a vector space."""
 
@@ -187,9 +205,10 @@ class AdjointBounded(Hypothesis):
         """The class of the group, and the largest condition number on the horizon."""
         G = setting.loop.group
         measured = float(np.linalg.cond(G.Ad_matrix(setting.desired_pose)).max())
-        if G.compact_times_vector is None:
+        is_covered = compact_times_vector(G)
+        if is_covered is None:
             return [self.row(Verdict.UNKNOWN, measured, remark=f"class of {G.name} not known")]
-        verdict = Verdict.HOLDS if G.compact_times_vector else Verdict.UNKNOWN
+        verdict = Verdict.HOLDS if is_covered else Verdict.UNKNOWN
         kind = "compact" if G.compact else "compact ⋉ vector space"
         remark = f"{kind}; largest condition number of Ad_{{Q_d}}"
         return [self.row(verdict, measured, remark=remark)]

@@ -14,7 +14,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.expressions import Expression, Node
 from eqt_cli.components.forces import Force
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, cayley
 from eqt_cli.components.mechanics import Gains, Input, Semidirect, State, Tracking
 from eqt_cli.components.references import Reference, TorqueReference
 from eqt_cli.components.vehicle import Vehicle
@@ -311,7 +311,7 @@ class ExactStates:
         """Reason why there are no such states; empty if Cayley's transform stays in the group."""
         G = self._loop.group
         V = np.random.default_rng(0).uniform(-0.5, 0.5, G.dimension)
-        if G.violation(G.cayley(V)) <= MEMBERSHIP:
+        if G.violation(cayley(G, V)) <= MEMBERSHIP:
             return ""
         return (
             f"Cayley's transform leaves the group {G.name}; give it a method `cayley` that does not"
@@ -328,7 +328,7 @@ class ExactStates:
         if not loop.vehicle.is_ideal:
             loop = replace(loop, vehicle=Vehicle(forces=(any_force,), control=loop.vehicle.control))
         loop = with_leaves(loop, _freed(loop, parameters))
-        poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
+        poses = [cayley(G, parameters.array(1, m)) for _ in range(5)]
         vectors = parameters.array(9, 1, m)
         Vd = np.zeros((1, m), dtype=object) if at_rest else vectors[1]
         times = parameters.array(1)

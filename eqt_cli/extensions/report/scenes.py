@@ -16,7 +16,7 @@ from PIL import Image
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.components.groups import Part, group_named
+from eqt_cli.components.groups import Part, group_named, moving_parts
 from eqt_cli.extensions.bodies.shapes import (
     CORNERS,
     FACES,
@@ -112,7 +112,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         source = ShownRuns([results], "animation", Chosen(controllers))
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
-    turning, moving = group_named(results.group_name).moving_parts
+    turning, moving = moving_parts(group_named(results.group_name))
     if turning is None and moving is None:
         raise results.error(
             f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "

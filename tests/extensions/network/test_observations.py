@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from small_experiment import mapping
 
 import eqt_cli
-from eqt_cli.components.groups import groups
+from eqt_cli.components.groups import groups, moving_parts
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.network.network import Observed, _with_terms
 
@@ -66,7 +66,7 @@ def test_terms_of_libraries_are_their_published_definitions():
     turned = Rotation.random(rng=random)
     R, q = turned.as_matrix(), turned.as_quat(canonical=True)
     pose[:3, :3], pose[:3, 3] = R, p
-    turning, moving = G.moving_parts
+    turning, moving = moving_parts(G)
     V = np.zeros(6)
     V[turning.axes], V[moving.axes] = w, R.T @ v
     x = LawInput(0.0, pose, V, np.eye(4), np.zeros(6), np.zeros(6))

@@ -1,4 +1,7 @@
-"""The row *tracks*: of runs made up for it, one reason for each verdict, and of laws that fail."""
+"""The row *tracks*: of runs made up for it, one reason for each verdict, and of laws that fail.
+
+And the class of groups of Remark 6.3.
+"""
 
 import dataclasses
 from dataclasses import dataclass
@@ -7,12 +10,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from eqt_cli.components.groups import ProductGroup, group_named
+from eqt_cli.components.matrix_groups import SO3
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.extend import EqT, Lee2010
 from eqt_cli.extensions.proofs.certificates import Runs, Verdict
-from eqt_cli.extensions.proofs.run_checks import Fifths, Tracks
+from eqt_cli.extensions.proofs.run_checks import Fifths, Tracks, compact_times_vector
 from eqt_cli.extensions.proofs.verification import verify_experiment
 
 TIMES = np.linspace(0.0, 10.0, 101)
@@ -132,3 +137,21 @@ def test_laws_in_the_experiment_of_the_paper(law):
     # Nothing else says so: a law that claims nothing cannot break a claim.
     others = {row.verdict for name, row in rows.items() if name != "tracks"}
     assert Verdict.FAILS not in others
+
+
+class OfUnknownClass(SO3):
+    name = "unknown"
+    compact = compact_times_vector = None
+
+
+@pytest.mark.parametrize("name", ["SO2", "SO3", "SE2", "SE3", "SE23", "R3", "SO3*SO2", "SO3*R3"])
+def test_remark_6_3_class_of_the_group(name):
+    assert compact_times_vector(group_named(name)) is True
+
+
+@pytest.mark.parametrize(("other", "compact"), [("SO3", None), ("R3", False)])
+def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact):
+    """Unless one factor settles it: a product with an unbounded factor is not compact."""
+    for factors in ((OfUnknownClass(), group_named(other)), (group_named(other), OfUnknownClass())):
+        assert ProductGroup(*factors).compact is compact
+        assert compact_times_vector(ProductGroup(*factors)) is None

@@ -102,7 +102,7 @@ def test_run_that_is_not_stored(results):
 
 
 def test_group_without_a_body_to_show(results, monkeypatch):
-    none = SimpleNamespace(moving_parts=(None, None))
+    none = SimpleNamespace(parts=())
     monkeypatch.setattr("eqt_cli.extensions.report.scenes.group_named", lambda name: none)
     assert says(error_of(motion, results, 0), f"{results.path}: a pose of SO3 is neither a…")
 
