@@ -48,9 +48,7 @@ def assert_equal_datasets(one, other):
 
 def test_the_summary(eqt):
     done = eqt("run", "c.yaml")
-    about, space, header, rule, *laws, gap, checked, results, following = (
-        done.out.splitlines()
-    )
+    about, space, header, rule, *laws, gap, checked, results, following = done.out.splitlines()
     assert (done.code, done.err, space, gap) == (0, "", "", "")
     stages = r"(( \(|, )(compiling|cross-check|writing) \d+\.\d s)*\)?"
     assert re.fullmatch(rf"c: 6 runs of 1 s in \d+\.\d s{stages}", about)
