@@ -144,12 +144,14 @@ class Task:
         if isinstance(threshold, float):
             turn = float(turn_of_distance(np.array(threshold)))
             return threshold if self.is_whole else {x: turn for x in parts if parts[x].turns}
+        keys = {*parts, *(["rate"] if G.parts[0].turns else [])}
         for name, most in threshold.items():
-            here = problems.at(name)
-            if name not in parts and not (name == "rate" and G.parts[0].turns):
-                here.add(unknown_key(name, parts))
+            if name not in keys:
+                problems.at(name).add(unknown_key(name, parts))
             elif name in parts and parts[name].turns and most > pi:
-                here.add(f"expected an angle of at most 180 deg, got {degrees(most):.6g} deg")
+                problems.at(name).add(
+                    f"expected an angle of at most 180 deg, got {degrees(most):.6g} deg"
+                )
         return threshold
 
     def bound(self, threshold: Any, G: MatrixLieGroup) -> float:

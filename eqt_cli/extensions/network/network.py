@@ -565,7 +565,7 @@ class Network(RunsCode, Previews):
         return M[:, [names.index(name) for name in order]], curve
 
     def directions(self, G: MatrixLieGroup) -> Array:
-        """Return those of its outputs; none where they are thrusts."""
+        """Return the directions of its outputs; none where they are thrusts."""
         order, axes = self.commands_.order, np.eye(G.dimension)
         if self.commands_.as_ == "rotors":
             return axes[:0]

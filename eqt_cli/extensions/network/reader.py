@@ -688,7 +688,7 @@ class _OfGraph:
         return [_Value(self.built.affine(x.of, W.T, zero.ravel()), zero.shape)]
 
     def _entry(self, op: str, *values: Any, **numbers: float) -> _Value:
-        """Add an operation entry by entry, of arrays that are broadcast."""
+        """Add an operation entry by entry; smaller operands are repeated as NumPy does."""
         shapes = [x.shape if isinstance(x, _Value) else np.shape(x) for x in values]
         try:
             shape = np.broadcast_shapes(*shapes)
@@ -697,11 +697,11 @@ class _OfGraph:
         operands = list[Operand]()
         if np.prod(shape, dtype=object) > MOST_NUMBERS:
             self.built.refuse(f"{op} of {np.prod(shape, dtype=object):,} numbers")
-        for value, before in zip(values, shapes, strict=True):
+        for value, own_shape in zip(values, shapes, strict=True):
             of = value.of if isinstance(value, _Value) else _numbers(value, self.name)
-            size = int(np.prod(before, dtype=int))
+            size = int(np.prod(own_shape, dtype=int))
             if size not in (1, int(np.prod(shape, dtype=int))):
-                places = np.broadcast_to(np.arange(size).reshape(before), shape)
+                places = np.broadcast_to(np.arange(size).reshape(own_shape), shape)
                 of = self.built.placed([of], places.ravel())
             operands.append(of)
         return _Value(self.built.entry(op, *operands, **numbers), shape)

@@ -200,7 +200,7 @@ class _FitProblem:
         """The magnitude of each start value, or 1 where it is 0; of a delay, a few rows."""
         scales = np.where(self.start == 0.0, 1.0, np.abs(self.start))
         if self.finds_delay:
-            scales[-1] = 10.0 * self.windows.later
+            scales[-1] = 10.0 * self.windows.delay_step
         return scales
 
     def linearised(self, numbers: Array, *, by_delay: bool = False) -> list[Linear] | None:
@@ -220,12 +220,12 @@ class _FitProblem:
         with step(prediction.WINDOWS, len(self.cut)):
             fits, recording = [], self.windows.recording
             delay = float(numbers[-1]) if self.finds_delay else self.delay
-            later = self.windows.later if by_delay or self.finds_delay else 0.0
+            delay_step = self.windows.delay_step if by_delay or self.finds_delay else 0.0
             loops, engine = [self.first, *plants], self.base.engine
             before = [prediction.commanded(loop) for loop in loops]
             for window in self.cut:
-                predicted = prediction.errors(
-                    loops, before, steps, engine, recording, window, delay, later
+                predicted = prediction.prediction_errors(
+                    loops, before, steps, engine, recording, window, delay, delay_step
                 )
                 if predicted is None:
                     return None

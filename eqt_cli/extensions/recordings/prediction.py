@@ -392,8 +392,8 @@ class Windows:
         return ReplayWindow(rows, pose, velocity)
 
     @property
-    def later(self) -> float:
-        """A step of the delay of the wrench: a tenth of that from row to row, s."""
+    def delay_step(self) -> float:
+        """Step of the delay for its derivative: a tenth of that from row to row, s."""
         return 0.1 * float(np.median(np.diff(self.recording.times)))
 
     @property
@@ -441,7 +441,7 @@ class PredictionErrors:
     by_number: Array
 
 
-def errors(
+def prediction_errors(
     loops: Sequence[ClosedLoop],
     before: Sequence[Callable[[float], Array]],
     steps: Array,
@@ -449,7 +449,7 @@ def errors(
     recording: Recording,
     window: ReplayWindow,
     delay: float = 0.0,
-    later: float = 0.0,
+    delay_step: float = 0.0,
 ) -> PredictionErrors | None:
     """Return the errors of a window; None where a run fails.
 
@@ -466,23 +466,23 @@ def errors(
     delay
         Time by which the wrench was recorded late, s. The plant is moved in time instead, with
         whatever else of it depends on time.
-    later
-        A step of the delay, s. If it is not 0, the last derivative by a number is that by the
-        delay.
+    delay_step
+        Step of the delay, s. If it is not 0, the last derivative by a number is that by the delay.
     """
     G, m, p = recording.group, recording.group.dimension, len(loops) - 2
+    # Of each run: how far its start is moved from that of the window, and which loop it has.
     moves = np.concatenate([np.zeros((1, 2 * m)), STEP * np.eye(2 * m), np.zeros((p, 2 * m))])
-    which = np.append(np.ones(1 + 2 * m, dtype=int), np.arange(2, p + 2))
+    loop_of_run = np.append(np.ones(1 + 2 * m, dtype=int), np.arange(2, p + 2))
 
-    def predicted(moves: Array, which: Array, delay: float) -> Array | None:
+    def ends_of(moves: Array, loop_of_run: Array, delay: float) -> Array | None:
         Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m:]
         times = recording.times[window.rows] + delay
-        problem = Problem(loops[0], Q0, times, differing(list(loops), which))
+        problem = Problem(loops[0], Q0, times, differing(list(loops), loop_of_run))
         loop = problem.batched_loop()
         states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
         stretches = [loop.layout.slices[VEHICLE + name] for name in loop.vehicle.states(G)]
         places = np.r_[*stretches, :0]
-        states[:, places] = np.array([each(float(times[0])) for each in before])[which]
+        states[:, places] = np.array([each(float(times[0])) for each in before])[loop_of_run]
         problem = replace(problem, states=states)
         solution = engine.solve(problem)
         if solution.status.any():
@@ -491,14 +491,16 @@ def errors(
         measured = recording.poses[window.rows], recording.velocities[window.rows]
         return np.concatenate([G.log(G.inverse(measured[0]) @ s.Q), s.V - measured[1]], axis=-1)
 
-    ends = predicted(moves, which, delay)
-    late = predicted(moves[:1], which[:1], delay + later) if later else np.zeros((0, 1, 2 * m))
+    delayed: Array | None = np.empty((0, 1, 2 * m))
+    ends = ends_of(moves, loop_of_run, delay)
+    if delay_step:
+        delayed = ends_of(moves[:1], loop_of_run[:1], delay + delay_step)
     reporter().advance(1)
-    if ends is None or late is None:
+    if ends is None or delayed is None:
         return None
     change = ends[1:] - ends[0]
     by_state, by_number = change[: 2 * m] / STEP, change[2 * m :] / steps[:, None, None]
-    by_number = np.concatenate([by_number, (late - ends[:1]) / (later or 1.0)])
+    by_number = np.concatenate([by_number, (delayed - ends[:1]) / (delay_step or 1.0)])
     return PredictionErrors(ends[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
 
 
@@ -721,8 +723,8 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int, delay
     pair, before = [loop, loop], [commanded(loop)] * 2
     with step(WINDOWS, len(chosen)):
         for window in chosen:
-            prediction = errors(
-                pair, before, np.empty(0), engine, recording, window, delay, windows.later
+            prediction = prediction_errors(
+                pair, before, np.empty(0), engine, recording, window, delay, windows.delay_step
             )
             if prediction is None:
                 continue
