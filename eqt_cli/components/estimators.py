@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -342,7 +342,7 @@ class Estimator(VehiclePart):
     def _stored(self, schedule: Schedule, now: Estimate) -> dict[str, Array]:
         stored = {"pose": schedule.G.pack(now.pose), "bias": now.bias}
         if self.has_covariance:
-            rows, columns = np.triu_indices(3 * schedule.G.dimension)
+            rows, columns, _ = _triangle(3 * schedule.G.dimension)
             stored |= {"covariance": now.covariance[..., rows, columns], "noise": now.noise}
         if schedule.rare:
             stored["age"] = now.age
@@ -446,10 +446,16 @@ def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
 
 def symmetric(upper: Array, n: int) -> Array:
     """Return the symmetric matrix with these entries on and above its diagonal, row by row."""
-    place = np.zeros((n, n), dtype=int)
+    return upper[..., _triangle(n)[2]]
+
+
+@cache
+def _triangle(n: int) -> tuple[Array, Array, Array]:
+    """Return rows and columns on and above a diagonal, and the number of each entry there."""
     rows, columns = np.triu_indices(n)
+    place = np.zeros((n, n), dtype=int)
     place[rows, columns] = place[columns, rows] = np.arange(len(rows))
-    return upper[..., place]
+    return rows, columns, place
 
 
 def pivots(matrix: Array, vector: Array) -> tuple[list[Array], list[Array]]:
@@ -760,7 +766,7 @@ def _diagonal(entries: Array) -> Array:
 def mirrored(matrix: Array) -> Array:
     """Return the symmetric matrix with the entries of this one on and above the diagonal."""
     n = matrix.shape[-1]
-    rows, columns = np.triu_indices(n)
+    rows, columns, _ = _triangle(n)
     return symmetric(matrix[..., rows, columns], n)
 
 

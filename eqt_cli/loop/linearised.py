@@ -6,14 +6,14 @@ those of a run.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import Actuator, nominal
@@ -39,7 +39,7 @@ from eqt_cli.components.vehicle import (
     requested_torque,
 )
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
-from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
+from eqt_cli.numbers.leaves import leaves, structure, with_fields, with_leaves
 
 
 def off_limits(loop: ClosedLoop) -> ClosedLoop:
@@ -443,32 +443,21 @@ class _About:
         there = {name: pose for name in layout.lengths if name in _POSES}
         there |= {name: none for name in layout.lengths if name in (_BIAS, _BEHIND_BIAS)}
         states = layout.join(layout.split(states) | known | there, like)
-        for _ in range(self._cycles):
-            bases = [states]
-            for instant in range(self.instants):
-                states = loop.measured(self.times, states, _at_instant(loop, instant + 1))
-                bases.append(states)
-            first, last = map(layout.split, (bases[0], bases[-1]))
-            settled = all(
-                np.abs(last[name] - values).max() <= SETTLED * np.abs(values).max()
-                for name, values in first.items()
-                if name in _SETTLE
-            )
-            if settled:
-                break
-        return dataclasses.replace(
-            self, loop=loop, states=states, bases=tuple(bases), is_settled=settled
-        )
+        begun = dataclasses.replace(self, loop=loop, states=states)
+        cycle, is_settled = _settled(_Begun.of(begun))
+        bases = tuple(layout.join({**layout.split(states), **base}, like) for base in cycle)
+        return dataclasses.replace(begun, states=bases[-1], bases=bases, is_settled=is_settled)
 
     @property
-    def _cycles(self) -> int:
+    def cycles(self) -> int:
+        """The number of cycles in which a covariance settles, at most."""
         return max(2, MOST_INSTANTS // self.instants)
 
     @property
     def settling(self) -> float:
         """The time after which a covariance counts as it is, s."""
         assert self.loop.vehicle.control is not None
-        return self._cycles * self.instants * self.loop.vehicle.control.tick
+        return self.cycles * self.instants * self.loop.vehicle.control.tick
 
     def moved(self, x: Array) -> Self:
         """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
@@ -731,6 +720,57 @@ class _About:
         still += x[..., : still.shape[-1]]
         torque = requested_torque(loop.vehicle, command)
         return np.concatenate([still, *self._others(after, self.states), torque], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A chart whose estimator begins; where the keys are equal, it settles to the same.
+
+    That is so of laws that come to rest at one place, whatever their gains: a measurement reads the
+    command that is held, which is one of the states, and no memory of a law.
+    """
+
+    key: Hashable
+    about: _About = dataclasses.field(compare=False)
+
+    @classmethod
+    def of(cls, about: _About) -> "_Begun":
+        loop = about.loop
+        parts = loop.vehicle, loop.inertia
+        numbers = [leaf.tobytes() for part in parts for leaf in leaves(part).values()]
+        states = [about.times, about.poses, *_measured_by(loop, about.states).values()]
+        known = loop.group, repr(loop.reference), about.instants, *map(structure, parts)
+        return cls((*known, *numbers, *(each.tobytes() for each in states)), about)
+
+
+@lru_cache(maxsize=1)
+def _settled(begun: _Begun) -> tuple[list[Arrays], bool]:
+    """Return the stretches before each tick of a cycle that follows many others, and at its end.
+
+    Those of the law's memory are left out. The second value tells whether it ends as it began.
+    """
+    about = begun.about
+    loop, times, states = about.loop, about.times, about.states
+    for _ in range(about.cycles):
+        bases = [states]
+        for instant in range(about.instants):
+            states = loop.measured(times, states, _at_instant(loop, instant + 1))
+            bases.append(states)
+        first, last = (loop.layout.split(bases[place]) for place in (0, -1))
+        settled = all(
+            np.abs(last[name] - values).max() <= SETTLED * np.abs(values).max()
+            for name, values in first.items()
+            if name in _SETTLE
+        )
+        if settled:
+            break
+    return [_measured_by(loop, base) for base in bases], settled
+
+
+def _measured_by(loop: ClosedLoop, states: Array) -> Arrays:
+    """Return the stretches of flat states that measurements read and change."""
+    parts = loop.layout.split(states)
+    return {name: part for name, part in parts.items() if not name.startswith(MEMORY)}
 
 
 def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:

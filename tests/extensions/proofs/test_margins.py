@@ -25,7 +25,8 @@ from eqt_cli.extensions.proofs.margins import (
     delay_margin,
     delayed,
 )
-from eqt_cli.loop.linearised import Linearised, linearised
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import Linearised, _settled, linearised
 
 WHEEL = {
     "group": "SO2",
@@ -532,6 +533,33 @@ def test_an_estimator_is_part_of_the_loop(
     expected = np.concatenate([np.linalg.eigvals(cycle(J)) for J in (1.0, 2.0, 3.0)])
     found = by_size(np.linalg.eigvals(loop_of(body)[1].closed[0]))
     np.testing.assert_allclose(found, by_size(expected), rtol=1e-6)
+
+
+@pytest.mark.ci("settles several filters; one is compared with a program by hand above")
+def test_laws_share_a_filter_that_settles_and_filters_of_other_numbers_do_not() -> None:
+    """Laws of other gains and memories have the covariance that they have alone."""
+    filters = {"kind": "invariant", **KALMAN}
+    laws = ["lee2010", {"kind": "goodarzi2013", "ki": 0.01, "c2": 0.1}]
+    body = slow((3, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}, estimator=filters, controllers=laws)
+    experiment = eqt_cli.load_experiment(body).base
+    first, second = experiment.loops.values()
+    gains = replace(first, gains=replace(first.gains, K=2.0 * first.gains.K))
+    estimator: Any = first.vehicle.estimator
+    doubtful = replace(estimator, pose_std=2.0 * estimator.pose_std)
+    other = replace(first, vehicle=replace(first.vehicle, estimator=doubtful))
+    at = np.zeros(1), experiment.desired.pose[None], experiment.desired.velocity[None]
+
+    def bases(loop: ClosedLoop) -> Array:
+        return np.array(linearised(loop, *at, with_estimator=True).about.bases)
+
+    _settled.cache_clear()
+    together = [bases(loop) for loop in (first, second, gains, other)]
+    assert (_settled.cache_info().hits, _settled.cache_info().misses) == (2, 2)
+    for loop, shared in zip((second, gains, other), together[1:], strict=True):
+        _settled.cache_clear()
+        np.testing.assert_array_equal(shared, bases(loop))
+    assert together[1].shape[-1] > together[0].shape[-1]  # the second law has a memory
+    assert (together[2] != together[3]).any()
 
 
 def test_of_a_reference_that_moves_an_estimator_is_judged_at_rest_where_it_begins() -> None:
