@@ -294,7 +294,7 @@ def render(
         x.digest if isinstance(x, DesiredMotion) else str(x.attributes.get("digest", ""))
         for x in results
     )
-    said = map(plain, [summary(type(figure)), *captions])
+    said = map(plain, [str(drawing.get_label()) or summary(type(figure)), *captions])
     description = f"{' '.join(said)} Experiment {digests}"
     files = {
         folder / f"{figure.name}.{format}": to_json(curves(drawing))

@@ -50,7 +50,7 @@ from eqt_cli.figures.layout import (
     open_frame,
     sheet,
 )
-from eqt_cli.figures.run_figures import RunsFigure
+from eqt_cli.figures.many_laws import draw_laws
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink, line_style
 
@@ -74,8 +74,8 @@ class Summary(Panelled, OverTime):
 
     The shading holds the middle half of the runs of the first two laws. Scales are logarithmic
     where medians span two decades; they end a decade below the medians, or at the error of the
-    solver, and ten times above all other laws where a law diverges. Of more than six laws, single
-    runs of the first quantity are drawn, a panel for each law.
+    solver, and ten times above all other laws where a law diverges. Of more than six laws, the
+    first quantity is drawn, a panel for each law, before the medians of the others.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -103,8 +103,8 @@ class Summary(Panelled, OverTime):
         norms = self.picked((*NORMS, _FUNCTION))
         if len(runs.shown) > MOST_COLOURS and not self.printed:
             degrees = degrees and norms[0] == NORMS[0]
-            signal: Any = norms[0] if norms[0] != NORMS[0] else ""
-            return RunsFigure(signal=signal, log=self.log, degrees=degrees).compose(runs, width)
+            signal = norms[0] if norms[0] != NORMS[0] else ""
+            return draw_laws(runs, width, signal, degrees=degrees, log=self.log)
         drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         middle = "mean" if self.printed else "median"
@@ -245,7 +245,7 @@ class Torque(Panelled, OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis."""
         if len(runs.shown) > MOST_COLOURS and self.share == "total" and not self.panels:
-            return RunsFigure(signal="torque_norm").compose(runs, width)
+            return draw_laws(runs, width, "torque_norm")
         shown = first_laws(runs, MOST_COLOURS)
         values = {e.label: self._share_of(runs, e) for e in shown}
         wanted = self.picked([name for name, _ in runs.axes])

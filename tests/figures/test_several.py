@@ -91,6 +91,26 @@ def test_beyond_six_laws_the_others_are_grey_unless_in_focus(simulate, opened):
     assert coloured(controllers=["f", "g", "h"]) == "fgh"
 
 
+@pytest.mark.ci("simulates and draws eight laws")
+@pytest.mark.parametrize(("figure", "signal"), [(Summary, "pose_error"), (Torque, "torque_norm")])
+def test_beyond_six_laws_each_has_a_panel_sorted_by_its_median(figure, signal, simulate, opened):
+    laws = [*LAWS[:7], {"kind": "eqt"}]
+    result = opened(simulate(controllers=laws, ensemble={"runs": 3, "seed": 1}))
+    captions = []
+    drawing = figure(**{"degrees": False} if figure is Summary else {}).draw(
+        [result], captions=captions
+    )
+    assert "a panel for each law" in drawing.get_label()
+    drawn = {axes.lines[0].get_label(): axes.lines[0].get_ydata() for axes in drawing.axes}
+    medians = dict(zip(result.labels, np.median(result.read(signal), axis=1), strict=True))
+    assert drawn.keys() == medians.keys()
+    for law, curve in drawn.items():
+        np.testing.assert_array_equal(curve, medians[law])
+    late = slice(None) if figure is Torque else slice(-round(0.1 * len(result.times)), None)
+    ends = [curve[late].mean() for curve in drawn.values()]
+    assert ends == sorted(ends)
+
+
 @pytest.mark.parametrize("chosen", [["eqt", "nog"], ["gt", "asym"], ["eqt", "nog", "asym"], []])
 def test_a_style_of_two_colours_tells_the_shown_laws_apart(chosen, so3, opened, tmp_path):
     cycle = 'axes.prop_cycle: cycler(color=["k", "r"], linestyle=["-", "--"])'

@@ -323,7 +323,7 @@ def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
     # The first one stands beside a table.
     drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
     usual = conclusion_of(result).figures.get(wanted.name) or summary_of(type(figure))
-    caption = " ".join([wanted.caption or usual, *notes])
+    caption = " ".join([str(drawing.get_label()) or wanted.caption or usual, *notes])
     svg = inlined(encode(drawing, "svg", letters="path"), f"figure{number}", caption)
     if len(svg) > LARGEST:
         raise TooLargeFigureError(

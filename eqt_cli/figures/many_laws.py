@@ -1,0 +1,142 @@
+"""A panel for each of many laws: its median before those of the others, sorted by the error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.reporting import significant
+from eqt_cli.figures import layout
+from eqt_cli.figures.cells import scale_log, spans_decade
+from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.figures.labels import free_text
+from eqt_cli.figures.layout import FAR, NO_NUMBERS, diverging
+from eqt_cli.figures.shown import Ensemble
+from eqt_cli.figures.style import Width, ink, size_of_type
+from eqt_cli.results.quantity import Latex
+
+_COLUMNS: dict[Width, int] = {"column": 3, "page": 5, "slide": 6}
+_TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
+"""Largest height of all panels, in: 124 mm with legend and remarks."""
+_GREY = 0.25
+"""Share of ink in the medians of the other laws."""
+_CLOSING = 0.1
+"""Share of the horizon over which the values are averaged that sort the laws."""
+_BULK = 0.25
+"""Share of the laws below whose closing values a logarithmic scale may end."""
+
+
+def draw_laws(
+    runs: ShownRuns, width: Width, signal: str, *, degrees: bool = False, log: bool | None = None
+) -> Drawing:
+    """Draw the median and quartiles over runs of a signal, a panel for each law.
+
+    The medians of the other laws are grey. Panels are sorted by the mean of the median: of an error
+    over the last tenth of the horizon, of a torque over all of it. The scale, one for all panels,
+    shows the bulk of the laws; a law that leaves it has the value at which it ends.
+
+    Parameters
+    ----------
+    signal
+        A norm that `ShownRuns.errors` takes; empty for the pose error, on SE(n) the angle of the
+        attitude error and the distance.
+    degrees
+        The angle of the attitude error, in degrees, of the pose error.
+    log
+        Logarithmic scale. Default: for errors whose medians span more than a decade.
+    """
+    signals = [
+        signal + part if signal else runs.in_space(f"pose_error{part}") for part in runs.parts
+    ]
+    drawn = {name: _values(runs, name, degrees) for name in signals}
+    is_torque = signal == "torque_norm"
+    share = 1.0 if is_torque else _CLOSING
+    sizes = {label: _late_mean(middle, share) for label, (middle, *_) in drawn[signals[0]].items()}
+    order = sorted(sizes, key=lambda label: sizes[label])
+    laws = {e.label: e for e in runs.shown}
+    places: layout.Mosaic = []
+    for name in signals:
+        of_part = [f"{name} of {label}" for label in order]
+        places += layout.rows_of(of_part, min(len(order), _COLUMNS[width]))
+    drawing, panels = layout.sheet(
+        width, places, runs.span, runs.unit("time"), _TALLEST[width] * len(signals)
+    )
+    for name in signals:
+        column = [panels[f"{name} of {label}"] for label in order]
+        layout.share_scale(column)
+        for label, axes in zip(order, column, strict=True):
+            _draw(axes, runs, laws[label], drawn[name], runs.shown[0].look.colour)
+        middles = [drawn[name][label][0] for label in order]
+        is_log = not is_torque and spans_decade(np.concatenate(middles)) if log is None else log
+        _bound(column, middles, runs.solver_error(name, degrees=degrees), log=is_log)
+        layout.hide_inner_scales(panels, places)
+        first = [row[0] for row in places if row[0].startswith(f"{name} of ")]
+        panels[first[(len(first) - 1) // 2]].set_ylabel(runs.error_label(name, degrees=degrees))
+    handles = {
+        "the law: median, quartiles": Line2D([], [], color=runs.shown[0].look.colour),
+        "the others: medians": Line2D([], [], color=ink(_GREY)),
+    }
+    layout.add_legend(drawing, list(handles.values()), list(handles))
+    by = "mean" if is_torque else "closing error"
+    runs.remarks.append(f"Sorted by {by}; {runs.count()}.")
+    runs.note = ", ".join(filter(None, [f"sorted by {by}, {runs.count()}", runs.note]))
+    drawing.set_label("Median and quartiles over runs, a panel for each law; grey: the others.")
+    return drawing
+
+
+def _values(runs: ShownRuns, signal: str, degrees: bool) -> dict[str, Array]:
+    """Return median and quartiles over runs of each law, ``(3, samples)``, by label."""
+    return {
+        e.label: np.quantile(runs.errors(signal, e, degrees=degrees), (0.5, 0.25, 0.75), axis=0)
+        for e in runs.shown
+    }
+
+
+def _late_mean(middle: Array, share: float) -> float:
+    """Return the mean over the last share of the samples."""
+    return float(middle[-max(1, round(share * len(middle))) :].mean())
+
+
+def _draw(
+    axes: Axes, runs: ShownRuns, law: Ensemble, drawn: Mapping[str, Array], colour: str
+) -> None:
+    """Draw the curves of a panel, with the name of its law."""
+    others = [
+        np.column_stack([runs.times(e), drawn[e.label][0]]) for e in runs.shown if e is not law
+    ]
+    grey = LineCollection(others, colors=ink(_GREY), linewidths=0.5, zorder=1.4, label=NO_NUMBERS)
+    axes.add_collection(grey, autolim=False)
+    times, (middle, low, high) = runs.times(law), drawn[law.label]
+    axes.plot(times, middle, color=colour, label=law.label, linewidth=1.2)
+    if not np.array_equal(low, high):
+        axes.fill_between(times, low, high, label=law.label, **layout.band_look(colour))
+    layout.open_frame(axes)
+    size = size_of_type("font.size") * 0.833
+    axes.set_title(free_text(law.title, 18), loc="right", fontsize=size)
+
+
+def _bound(panels: Sequence[Axes], middles: Sequence[Array], error: float, *, log: bool) -> None:
+    """Set the one scale by the bulk of the laws, and say where the others end."""
+    curves = dict(zip(map(str, range(len(panels))), middles, strict=True))
+    far = diverging(curves)
+    near = [curve for name, curve in curves.items() if name not in far]
+    top, bottom = 1.05 * max(float(curve.max()) for curve in near), 0.0
+    if log and any((curve > 0).any() for curve in near):
+        ends = [_late_mean(curve, _CLOSING) for curve in near]
+        bottom = min(max(float(np.quantile(ends, _BULK)) / FAR, error), top / FAR)
+        scale_log(panels[0], "y", np.array([bottom, top]))
+    panels[0].set_ylim(bottom, top * FAR if far else top)
+    look: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "fontsize": "small"}
+    for axes, (name, curve) in zip(panels, curves.items(), strict=True):
+        if name in far:
+            axes.annotate("diverges", (0.97, 0.95), va="top", **look)
+        elif curve[-1] < bottom:
+            last = Latex().number(significant(float(curve[-1]), 1))
+            axes.annotate(f"to {last}", (0.97, 0.05), va="bottom", **look)
