@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import PercentFormatter
 
-from eqt_cli.analysis.intervals import NEGLIGIBLE, median_difference, shares
+from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling, median_difference, shares
+from eqt_cli.analysis.maps import NOBODY, compare_map
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.cells import even, scale_log, spans_decade
 from eqt_cli.figures.figure import OfDifferences, OfMetrics, first_laws
@@ -297,8 +298,8 @@ class Forest(OfDifferences):
     """A row for each point of a sweep: the paired difference of two laws, and who settles.
 
     The median over runs of the difference in per cent of the second law, with its interval; filled
-    where the first law is better, worse or, within 1 %, no different, and hollow where that is
-    undecided. Beside it, the share of runs of both laws that settle, with Wilson intervals.
+    where a law wins as in figure `winners` or, within 1 %, they do not differ, and hollow where
+    that is undecided. Beside it, the share of runs of both laws that settle, with Wilson intervals.
     """
 
     name: ClassVar[str] = "forest"
@@ -332,7 +333,8 @@ class Forest(OfDifferences):
         cases = zip(values, ~swept.results.good[:, swept.controllers], strict=True)
         leads = [median_difference(quantity, *case, self.confidence) for case in cases]
         differences = np.array(leads)
-        _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
+        decided = self._decided(swept)
+        _draw_differences(left, rows, 100 * differences, decided, f"{first} − {second}")
         words = free_text(f"median difference of {quantity.plain}", _LONGEST_SCALE[width])
         name = free_text(f"{first} − {second}, % of {second}", _LONGEST_SCALE[width])
         left.set_xlabel(f"{words}\n{name}")
@@ -357,6 +359,14 @@ class Forest(OfDifferences):
         swept.note = f"bars: {100 * self.confidence:g} % intervals; hollow: undecided"
         return drawing
 
+    def _decided(self, swept: ShownSweep) -> Array:
+        """Return whether the runs decide at each point, by the rule of all comparisons."""
+        metric, how = self.metric_of(swept), Resampling(self.confidence)
+        if swept.results.quantity(metric).better == "neither":
+            return np.zeros(len(swept.metric(metric)), bool)
+        points = compare_map(swept.results, metric, how, swept.controllers, intervals=False)
+        return np.array([cell.winner != NOBODY or cell.alike for cell in points.cells])
+
     def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:
         quantity = swept.results.quantity(self.metric_of(swept))
         side = {"lower": "Left", "higher": "Right"}.get(quantity.better)
@@ -364,15 +374,17 @@ class Forest(OfDifferences):
         notes = [
             f"{swept.count} per row.{better} "
             f"Intervals of {100 * self.confidence:g} %, each by itself; filled: better, worse, or "
-            f"no difference within {100 * NEGLIGIBLE:g} %; hollow: undecided. A failed run is "
-            "worse than any other."
+            f"no difference within {100 * NEGLIGIBLE:g} %, by sign tests that count all points; "
+            "hollow: undecided. A failed run is worse than any other."
         ]
         if not np.isfinite(differences).all():
             notes.append("No interval where the runs are too few for it, or failed in most pairs.")
         return notes
 
 
-def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -> None:
+def _draw_differences(
+    panel: Axes, rows: Array, differences: Array, decided: Array, name: str
+) -> None:
     mean, low, high = differences.T
     panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
     known = np.isfinite(low) & np.isfinite(high)
@@ -380,7 +392,6 @@ def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -
     bars: Settings = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
     if known.any():
         panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
-    decided = known & ((low > 0) | (high < 0) | (np.maximum(-low, high) <= 100 * NEGLIGIBLE))
     look: Settings = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
     hollow = look | {"markerfacecolor": ink(0)}
     for some, which, style in ((decided, "decided", look), (~decided, "undecided", hollow)):
