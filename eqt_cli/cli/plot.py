@@ -137,8 +137,21 @@ def plot(
         units=unit or (),
         trust_plugins=trust_plugins,
     )
-    text = "\n".join(f"figure   {file}" for file in files)
-    print_findings({"figures": list(map(str, files))}, text, json=json)
+    lines = [f"figure   {first}{also}" for first, also in _by_figure(files).items()]
+    print_findings({"figures": list(map(str, files))}, "\n".join(lines), json=json)
+
+
+def _by_figure(files: Sequence[Path]) -> dict[Path, str]:
+    """Return the first file of each figure, and the endings of the others in brackets."""
+    first: dict[str, Path] = {}
+    others: dict[Path, list[str]] = {}
+    for file in files:
+        name = file.stem.removesuffix("-caption")
+        one = first.setdefault(str(file.with_name(name)), file)
+        endings = others.setdefault(one, [])
+        if file != one:
+            endings.append(file.name.removeprefix(name))
+    return {file: f" ({', '.join(ends)})" if ends else "" for file, ends in others.items()}
 
 
 def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:

@@ -315,7 +315,7 @@ CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp"
 MORE_RUNS = {"ensemble": {"runs": 8, "seed": 1}, "settling_threshold": "40 deg"}
 
 
-def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept, altered, picture):
+def test_a_forest_has_a_row_for_each_case_with_differences_and_shares(swept, altered, picture):
     results = swept(CASES, **MORE_RUNS)
     effort = results["effort"].copy()
     effort[1, 0] = 0.8 * effort[1, 1]
