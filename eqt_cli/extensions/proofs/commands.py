@@ -186,7 +186,9 @@ def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
     yield from result.answer()
     rows = result.titled
     if not verbose:
-        yield f"{len(rows)} statements and hypotheses were checked; --verbose lists them all"
+        assumed = sum(row.kind == "hypothesis" for row in rows)
+        stated = count_of(len(rows) - assumed, "statement")
+        yield f"checked: {stated}; hypotheses: {assumed}; --verbose lists them all"
     shown = rows if verbose else with_titles(result.failures, result.experiment.titles)
     if shown and (made := certificate_table(shown)) is not None:
         for block in made.blocks:
