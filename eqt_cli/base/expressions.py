@@ -240,6 +240,10 @@ class _Parser:
         self._text, self._variables = text, variables
         self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
         self._leaves: dict[int, Node] = {}
+        # Keys, such as gains.kp and inertia[0], are names where they are variables.
+        keys = "|".join(map(re.escape, (name for name in variables if not name.isidentifier())))
+        names = f"(?P<name>(?:{keys})(?![A-Za-z_0-9.[])|" if keys else "(?P<name>"
+        self._token = re.compile(_TOKEN.pattern.replace("(?P<name>", names))
         # Python gets an x for each number and name, because it reads neither 007 nor a variable
         # lambda. After a parenthesis, which allows line breaks, its offsets from 0 are our columns.
         self._python = "("
@@ -254,7 +258,7 @@ class _Parser:
         """
         before = _Token("start", "", 0)
         opened: list[int] = []
-        for match in _TOKEN.finditer(self._text):
+        for match in self._token.finditer(self._text):
             token = _Token(str(match.lastgroup), match.group(), match.start() + 1)
             self._check_order(before, token)
             before = token
@@ -485,8 +489,8 @@ MAX_QUOTED = 100
 """Longest quotation of an expression in a message, characters."""
 
 
-def formula(entry: str | float) -> Expression:
-    """Return the expression in t of an entry in a configuration, text or a number.
+def formula(entry: str | float, variables: tuple[str, ...] = ("t",)) -> Expression:
+    """Return the expression of an entry in a configuration, text or a number.
 
     Raises
     ------
@@ -494,7 +498,7 @@ def formula(entry: str | float) -> Expression:
         If the entry is no expression; the message quotes it.
     """
     try:
-        return _parsed(str(entry))
+        return _parsed(str(entry), variables)
     except ExpressionError as error:
         raise InputError(f"'{shortened(str(entry))}': {error}") from error
 

@@ -44,6 +44,9 @@ POINT = "point"
 CASE = "case"
 """The coordinate of a sweep with the names of cases, which is no key of the configuration."""
 
+FORMULA = "formula"
+"""The attribute of the coordinate of a key that follows from swept ones: how."""
+
 LAW = "law"
 """The variable with the registered law that a controller equals at a point."""
 

@@ -51,6 +51,8 @@ def sweep(
     grid: Annotated[
         list[str] | None, options.option("--grid", autocompletion=completion.settings)
     ] = None,
+    points: Annotated[str | None, options.option("--points")] = None,
+    where: Annotated[list[str] | None, options.option("--where")] = None,
     dry_run: options.DryRun = False,
     *,
     setup: options.Setup,
@@ -66,10 +68,12 @@ def sweep(
         --grid KEY=A,B,…  Sweep a key over values, such as gains.kd=0.25,0.5,1, or over a range,
             LOW:HIGH:POINTS or LOW:HIGH:POINTS:log. Repeatable: every
             combination is one point.
+        --points 3,5:8  Only these points, by their numbers from 0; 5:8 is 5, 6, 7.
+        --where CONDITION  Only points at which this holds, such as 'gains.kp > 1'. Repeatable.
     Computing
         --dry-run  Print the points, the expected time and size only.
     """
-    from eqt_cli.config.study import add_grids, study
+    from eqt_cli.config.study import add_grids, study, with_block
 
     document = add_grids(setup.document(config, handling), options.placed("--grid", grid))
     if not document.data.get("sweep"):
@@ -77,11 +81,15 @@ def sweep(
             f"{document.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
             f"or use `eqt run {document.path}`"
         )
+    for condition in where or []:
+        document = with_block(document, {"where": condition}, "--where")
+    if points is not None:
+        document = with_block(document, {"points": points}, "--points")
     sweep_study = study(document, most_checked=MOST_CHECKED if dry_run else None)
     if dry_run:
-        points = len(sweep_study)
-        if points > MOST_CHECKED:
-            checked = f"{MOST_CHECKED} of its {points} points were checked"
+        count = len(sweep_study)
+        if count > MOST_CHECKED:
+            checked = f"{MOST_CHECKED} of its {count} points were checked"
             say(f"{config}: {checked}; a run checks all")
         _print_plan(sweep_study, executor_from(sweep_study, setup), handling.json)
         return
@@ -94,9 +102,13 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     assert study.sweep is not None
     check_memory(study)
     expected = estimate(study, executor)
-    first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
+    rules, shown = study.sweep.rules, range(min(FIRST_POINTS, len(study)))
+    first = [study.sweep.point(k) for k in shown]
+    if rules:
+        first = [first[k] | rules.derived(study.sweep.settings_of_blocks(k)) for k in shown]
     plan, points = study.plan, len(study)
     document: dict[str, Any] = {"points": points, "runs": plan.total, "first": first}
+    document |= {"dropped": rules.dropped} if rules else {}
     document |= {"seconds": expected.seconds, "workers": expected.workers, "bytes": expected.size}
     lines = [f"{points} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}"]
     for index, point in enumerate(first):
@@ -104,6 +116,8 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
         lines.append(f"  {index}  {values}")
     if points > FIRST_POINTS:
         lines.append("  …")
+    if rules and rules.dropped:
+        lines.append(f"dropped  {rules.dropped} of {points + rules.dropped} points, {rules.why}")
     stored = f"{study.trajectories} trajectories each" if study.trajectories else "metrics only"
     lines.append(time_line(expected.seconds, expected.workers))
     lines.append(f"size     {size(expected.size)}, {stored}")

@@ -16,6 +16,7 @@ from pydantic_core import core_schema
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import (
     MAX_POINTS,
     AnyReal,
@@ -27,6 +28,7 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import Component, Keys, Registry
+from eqt_cli.base.reporting import listed
 from eqt_cli.base.stored import CASE
 
 # An axis of a design: a list of values, or a range ------------------------------------------------
@@ -574,6 +576,9 @@ BLOCK: dict[str, Any] = {"type": "object", "title": "a block of a sweep"}
 
 EXPECTED = "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"
 
+RULES = ("set", "where", "points")
+"""Entries beside the blocks of a sweep: what follows from swept names, and which points count."""
+
 
 class Sweep(Design):
     """Every combination of the points of its blocks, or some of these points.
@@ -585,15 +590,21 @@ class Sweep(Design):
     section
         Their description in a configuration: a list, or a single block.
     points
-        The combinations that count, numbered from 0 in this order; None for all.
+        The points that count, numbered from 0 in this order; None for all.
+    rules
+        What follows from swept names, and which combinations are points, by the entries `RULES`.
     """
 
     name: ClassVar[str]  # not set, because a sweep is the whole section and no kind of block
 
     def __init__(
-        self, blocks: list[Design], section: Any, points: Sequence[int] | None = None
+        self,
+        blocks: list[Design],
+        section: Any,
+        points: Sequence[int] | None = None,
+        rules: Any = None,
     ) -> None:
-        self.blocks, self.section, self.points = blocks, section, points
+        self.blocks, self.section, self.points, self.rules = blocks, section, points, rules
         self.keys = tuple(key for block in blocks for key in block.keys)
 
     @property
@@ -605,20 +616,25 @@ class Sweep(Design):
 
     @cached_property
     def sets(self) -> tuple[str, ...]:
-        """The keys that any block changes."""
-        return tuple(key for block in self.blocks for key in block.sets)
+        """The keys that any block changes, or a formula."""
+        keys = tuple(key for block in self.blocks for key in block.sets)
+        return self.rules.sets(keys) if self.rules else keys
 
     @cached_property
     def always(self) -> tuple[str, ...]:
         """The keys that every point changes."""
-        return tuple(key for block in self.blocks for key in block.always)
+        keys = tuple(key for block in self.blocks for key in block.always)
+        return self.rules.sets(keys) if self.rules else keys
 
     @classmethod
     def read(cls, section: Any, problems: Problems) -> Self | None:
         if not isinstance(section, list) or not section:
             problems.add(f"{EXPECTED}, got {shown(section)}")
             return None
-        read = ((k, _block(entry, problems.at(k))) for k, entry in enumerate(section))
+        rules = {k: entry for k, entry in enumerate(section) if _is_rule(entry)}
+        read = (
+            (k, _block(entry, problems.at(k))) for k, entry in enumerate(section) if k not in rules
+        )
         blocks = {index: block for index, block in read if block is not None}
         seen: list[str] = []
         for index, block in blocks.items():
@@ -632,11 +648,20 @@ class Sweep(Design):
                     at_key.add(f"{key} {what} by an earlier block; remove one of them")
                     return None
             seen += (*block.keys, *block.sets)
-        return None if problems else counted(cls(list(blocks.values()), section), problems)
+        if not blocks and not problems:
+            problems.add(
+                f"has no design; add one, such as {{grid: {{w: [1, 2]}}}}, to {shown(section)}"
+            )
+        at_places = {(index,): entry for index, entry in rules.items()}
+        of_rules = function_for("rules of a sweep")(at_places, seen, problems) if rules else None
+        sweep = cls(list(blocks.values()), section, rules=of_rules)
+        return None if problems else counted(sweep, problems)
 
     def __len__(self) -> int:
         if self.points is not None:
             return len(self.points)
+        if self.rules and self.rules.combinations is not None:
+            return len(self.rules.combinations)
         return prod(len(block) for block in self.blocks)
 
     def values(self, point: int) -> tuple[Any, ...]:
@@ -647,14 +672,25 @@ class Sweep(Design):
         return dict(zip(self.keys, self.values(point), strict=True))
 
     def settings(self, point: int) -> dict[str, Any]:
+        swept = self.settings_of_blocks(point)
+        return self.rules.settings(swept) if self.rules else swept
+
+    def settings_of_blocks(self, point: int) -> dict[str, Any]:
+        """Return the values of all swept keys and names, without what follows from them."""
         parts = (block.settings(inner) for block, inner in self._split(point))
         return {key: value for part in parts for key, value in part.items()}
 
     def values_of(self, key: str) -> Iterable[Any]:
+        if self.rules:  # which may compute it, or leave some values out
+            return super().values_of(key)
         return next(block for block in self.blocks if key in block.sets).values_of(key)
 
     def place(self, point: int, key: str) -> KeyPath:
-        for index, (block, inner) in enumerate(self._split(point)):
+        if self.rules and (path := self.rules.place(key)):
+            return tuple(path)
+        listed = self.section if isinstance(self.section, list) else [self.section]
+        places = (index for index, entry in enumerate(listed) if not _is_rule(entry))
+        for index, (block, inner) in zip(places, self._split(point), strict=True):
             if key in block.keys or key in block.sets:
                 path = (block.name, *block.place(inner, key))
                 return (index, *path) if isinstance(self.section, list) else path
@@ -663,6 +699,8 @@ class Sweep(Design):
     def _split(self, point: int) -> list[tuple[Design, int]]:
         """Return every block with its own point."""
         point = point if self.points is None else self.points[point]
+        if self.rules and self.rules.combinations is not None:
+            point = self.rules.combinations[point]
         parts = []
         for block in reversed(self.blocks):
             point, inner = divmod(point, len(block))
@@ -676,6 +714,10 @@ class Sweep(Design):
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         return {"anyOf": [BLOCK, {"type": "array", "minItems": 1, "items": BLOCK}]}
+
+
+def _is_rule(entry: Any) -> bool:
+    return isinstance(entry, dict) and entry.keys() <= set(RULES) and bool(entry)
 
 
 def _block(entry: Any, problems: Problems) -> Design | None:
@@ -712,9 +754,11 @@ class Concat(Design):
         if not isinstance(section, list) or not section:
             problems.add(f"expected a list of blocks, got {shown(section)}")
             return None
-        parts = []
+        parts, part = [], None
         for index, entry in enumerate(section):
-            if isinstance(entry, list):
+            if any(map(_is_rule, entry if isinstance(entry, list) else [entry])):
+                problems.at(index).add(f"{listed(RULES)} hold for all points; move them to `sweep`")
+            elif isinstance(entry, list):
                 part = Sweep.read(entry, problems.at(index))
             else:
                 block = _block(entry, problems.at(index))

@@ -174,11 +174,16 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
         return {
             "type": "object",
             "properties": swept,  # for completion; the pattern checks these keys as well
-            "patternProperties": {_KEY_IN.format(sections): axis},
+            "patternProperties": {_KEY_IN.format(sections): axis, _NAME: axis},
             "additionalProperties": False,
         }
 
-    kinds = {}
+    formula: dict[str, Any] = {"type": ["string", "number", "array"]}
+    numbers = {"type": ["string", "integer", "array"], "description": "Numbers of the points."}
+    condition = {"type": ["string", "array"], "description": "A condition of the points."}
+    rules = {"where": condition, "points": numbers}
+    rules["set"] = {"description": "Keys that follow, by formulas."} | axes(formula)
+    kinds = dict(rules)
     for design in designs.all():
         text = {"description": summary(design)}
         options = options_of(design, schema["$defs"])
@@ -191,7 +196,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
         "description": "One block; blocks multiply, and the first one changes slowest.",
         "properties": kinds,
         "minProperties": 1,
-        "maxProperties": 1,
+        "anyOf": [{"maxProperties": 1}, {"propertyNames": {"enum": list(rules)}}],
         "additionalProperties": False,
     }
 
@@ -212,6 +217,9 @@ def _around(schema: Any, axes: Axes) -> Any:
         return schema | axes(inner if isinstance(inner, dict) else {})
     return {key: _around(entry, axes) for key, entry in schema.items()}
 
+
+_NAME = rf"^(?!({'|'.join(Config.model_fields)})$)[A-Za-z_][A-Za-z_0-9]*$"
+"""Names that are no keys, for formulas."""
 
 _KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"
 """Keys such as ``gains.kp`` or ``controllers[0].label``, within these sections."""

@@ -768,9 +768,12 @@ class SearchSection(Section):
     ----------
     over
         Keys to vary, and their ranges.
+    set
+        Keys that follow from names in `over`, by formulas: `{gains.kp: 'w**2'}`.
     """
 
     over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
+    set: dict[str, Any] = {}
 
 
 class TuneSection(SearchSection):
@@ -782,7 +785,10 @@ class TuneSection(SearchSection):
         Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
         `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are
         that law's own; keys of `gains` are tuned for every law that reads them. A law without a key
-        is compared as it is.
+        is compared as it is. A name, such as `w`, is for the formulas of `set`.
+    set
+        Keys of `gains` and `controllers` that follow from names in `over`, by formulas, as in a
+        sweep: `{gains.kp: 'w**2'}`.
     objective
         The metric to be made best, in the mean over runs; or a bound that is proved without runs:
         `certified_rate`, `push_bound`.
@@ -858,7 +864,10 @@ class WorstSection(SearchSection):
     over
         Keys to vary, and their ranges: `[low, high]`, `{log: [low, high]}`, or a range as of
         designs. Any key that holds a number and that a sweep may vary; keys of an entry of
-        `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
+        `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole. A name,
+        such as `w`, is for the formulas of `set`.
+    set
+        Keys that follow from names in `over`, by formulas, as in a sweep: `{gains.kp: 'w**2'}`.
     objective
         The metric whose worst value over all runs is looked for; a failed run is worse than any.
     budget
@@ -943,7 +952,8 @@ class Config(Section):
         What to keep.
     sweep
         Blocks of `grid`, `zip`, `cases`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
-        `eqt sweep`.
+        `eqt sweep`. Further entries: `set` (keys that follow), `where` and `points` (which points
+        count).
     tune
         What `eqt tune` searches for; every other command leaves it aside.
     worst

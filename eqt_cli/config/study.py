@@ -77,6 +77,8 @@ def sweep_of(document: Document) -> Sweep:
     """
     problems = Problems(document.place)
     sweep = Sweep.read(document.data["sweep"], problems.at("sweep"))
+    if sweep is not None and sweep.rules:
+        sweep.rules.bind(sweep, document, problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     return sweep
@@ -289,7 +291,8 @@ class Study:
         if index not in self._pieces:
             store = {"store": self.resolved["store"]}  # all pieces store the same
             document = replace(self.document, data=self.document.data | store)
-            sweep = Sweep(self.sweep.blocks, self.sweep.section, self.shapes[index])
+            whole = self.sweep
+            sweep = Sweep(whole.blocks, whole.section, self.shapes[index], whole.rules)
             base = build(at_point(document, sweep, 0))
             plans = self.planned and Plans(self.planned.plans[index : index + 1])
             self._pieces[index] = Study(sweep, base, document, plans, self)
@@ -416,9 +419,14 @@ def add_grids(document: Document, grids: Mapping[str, str]) -> Document:
 
 def with_grid(document: Document, key: str, values: Any, place: str) -> Document:
     """Return the configuration whose sweep has one more key, whose errors are at a place."""
+    return with_block(document, {"grid": {key: values}}, place)
+
+
+def with_block(document: Document, block: dict[str, Any], place: str) -> Document:
+    """Return the configuration whose sweep has one more entry, whose errors are at a place."""
     blocks = document.data.get("sweep") or []
     changes = document.changes | {("sweep", len(blocks)): place}
-    data = document.data | {"sweep": [*blocks, {"grid": {key: values}}]}
+    data = document.data | {"sweep": [*blocks, block]}
     return replace(document, data=data, changes=changes)
 
 
@@ -507,7 +515,8 @@ def require_sweepable(key: str) -> None:
         raise InputError(RUNS)
     if name not in Config.model_fields:
         known = [field for field in Config.model_fields if not not_swept(field)]
-        raise InputError(f"unknown key '{key}'; keys are in: {', '.join(known)}")
+        unread = ", and no formula of `set` reads it" if key.isidentifier() else ""
+        raise InputError(f"unknown key '{key}'{unread}; keys are in: {', '.join(known)}")
 
 
 def _check_points(checked: Study, points: Sequence[int]) -> None:

@@ -15,7 +15,17 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.reporting import significant
-from eqt_cli.base.stored import CASE, LAW, MIXED, POINT, Attribute, Status, Symbol, signal_of
+from eqt_cli.base.stored import (
+    CASE,
+    FORMULA,
+    LAW,
+    MIXED,
+    POINT,
+    Attribute,
+    Status,
+    Symbol,
+    signal_of,
+)
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
@@ -204,10 +214,11 @@ class Result(KnownResult):
 
     @cached_property
     def swept_keys(self) -> list[SweptKey]:
-        """Swept keys with more than one value; keys that change together appear once."""
+        """Swept keys of more than one value, without those that follow or change with another."""
         keys: list[SweptKey] = []
         for name in self.coordinates:
-            if name != POINT and self.dims(name) == (POINT,):
+            follows = FORMULA in self.attributes_of(name)
+            if name != POINT and self.dims(name) == (POINT,) and not follows:
                 key = swept_key(self, name)
                 if max(key.levels) > 0 and key.levels not in [other.levels for other in keys]:
                     keys.append(key)

@@ -35,7 +35,7 @@ from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
-from eqt_cli.base.stored import LAW, MIXED, OUTPUT, POINT, SHAPE, signal_of
+from eqt_cli.base.stored import FORMULA, LAW, MIXED, OUTPUT, POINT, SHAPE, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -663,11 +663,16 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     """Return a coordinate along `point` for each swept key: numbers, texts, or JSON texts."""
     if study.sweep is None:
         return {}
-    swept = {}
-    columns = list(zip(*map(study.sweep.values, range(len(study))), strict=True))
-    for key, values in zip(study.sweep.keys, columns, strict=True):
+    swept, sweep, points = {}, study.sweep, range(len(study))
+    columns = dict(zip(sweep.keys, zip(*map(sweep.values, points), strict=True), strict=True))
+    if sweep.rules:
+        follow = [sweep.rules.derived(sweep.settings_of_blocks(point)) for point in points]
+        columns |= {key: tuple(each[key] for each in follow) for key in sweep.rules.formulas}
+    for key, values in columns.items():
         name = key.replace("[", ".").replace("]", "")
         attributes = {"long_name": f"{key}, swept", "key": key} | _scale_attributes(study, key)
+        if key not in sweep.keys:
+            attributes |= {"long_name": f"{key}, from others", FORMULA: sweep.rules.text(key)}
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
             swept[name] = Variable((POINT,), np.array(values), attributes)
         else:

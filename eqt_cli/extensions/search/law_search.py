@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations, count
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.base import errors, files
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, Problems, Remedy
+from eqt_cli.base.extensions import function_for
 from eqt_cli.components.laws import gains_group
 from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import LogRange, TunedAxis, without_search
+from eqt_cli.config.schema import Config, LogRange, TunedAxis, without_search
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.search.record import Kind
 from eqt_cli.results.metrics import METRICS
@@ -46,6 +47,8 @@ class LawSearch:
         The user's values in the unit cube; None where one is outside its range.
     order
         The keys in the order of the coordinates of the unit cube.
+    follows
+        Formulas of keys of `document` that follow from the varied ones.
     """
 
     label: str
@@ -56,6 +59,7 @@ class LawSearch:
     index: int
     start: tuple[float, ...] | None
     order: tuple[str, ...]
+    follows: dict[str, Any] = field(default_factory=dict)
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
         """Return the values at a point of the unit cube, by key."""
@@ -70,10 +74,24 @@ class LawSearch:
 
     def at(self, values: dict[str, float]) -> Document:
         """Return the experiment with these values."""
-        data = self.document.data
-        for key, value in expanded(values).items():
+        data, settings = self.document.data, expanded(values)
+        if self.follows:
+            rules = rules_of(self.follows, list(settings), Problems())
+            rules.data = data
+            settings = rules.settings(settings)
+        for key, value in settings.items():
             data = with_value(data, errors.parse_key(key), value)
         return replace(self.document, data=data)
+
+    @property
+    def rules(self) -> list[dict[str, Any]]:
+        """What a sweep over the varied keys needs beside its blocks."""
+        return [{"set": self.follows}] if self.follows else []
+
+
+def rules_of(formulas: dict[str, Any], keys: Sequence[str], problems: Problems) -> Any:
+    """Return what follows by formulas from some keys, after noting their errors."""
+    return function_for("rules of a sweep")({(): {"set": formulas}}, keys, problems)
 
 
 def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:
@@ -113,8 +131,16 @@ def require_metric(name: str, base: Experiment) -> None:
                 )
 
 
-def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
-    """Return one search for each law, over its own keys and the shared keys."""
+def laws_of(
+    base: Experiment, ranges: dict[str, DrawnRange], formulas: dict[str, Any]
+) -> tuple[LawSearch, ...]:
+    """Return one search for each law, over its own keys and the shared keys.
+
+    Parameters
+    ----------
+    formulas
+        Formulas of the keys that follow from names in `ranges`.
+    """
     laws: list[LawSearch] = []
     shared = base.resolved.get("gains", {})
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
@@ -129,7 +155,12 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
             of_law = {key: value for key, value in entry.items() if key != "gains"}
             gains = shared | entry.get("gains", {})
             data |= {"controllers": [of_law], "gains": gains}
+        moved = {name: x for key, x in formulas.items() if (name := _key_in_law(key, index, keeps))}
+        follows = _used(moved)
         keys = {name: key for key in ranges if (name := _key_in_law(key, index, keeps))}
+        unused = {key for key in keys if key not in Config.model_fields and key.isidentifier()}
+        unused -= {name for text in follows.values() for name in _names(text)}
+        keys = {name: key for name, key in keys.items() if name not in unused}
         axes = {name: ranges[key] for name, key in keys.items()}
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in laws])
@@ -138,8 +169,29 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         written = tuple(keys.values())
         order = sorted(axes, key=lambda key: _order(key, axes[key], data))
         start = _start(data, {key: axes[key] for key in order})
-        laws.append(LawSearch(label, slug, document, axes, written, index, start, tuple(order)))
+        laws.append(
+            LawSearch(label, slug, document, axes, written, index, start, tuple(order), follows)
+        )
     return tuple(laws)
+
+
+def _names(formula: Any) -> set[str]:
+    return set(re.findall(r"[A-Za-z_]\w*", str(formula)))
+
+
+def _used(formulas: dict[str, Any]) -> dict[str, Any]:
+    """Return the formulas of keys, and of names that these need."""
+    used = dict(formulas)
+    while True:
+        read = {name for text in used.values() for name in _names(text)}
+        needed = {
+            key: text
+            for key, text in used.items()
+            if key in read or key in Config.model_fields or not key.isidentifier()
+        }
+        if len(needed) == len(used):
+            return needed
+        used = needed
 
 
 def _key_in_law(key: str, index: int, keeps: bool) -> str:

@@ -115,15 +115,24 @@ class Searches(ABC, Generic[S]):
         problems = Problems(document.place)
         here = problems.at(name)
         ranges: dict[str, DrawnRange] = {}
+        names: set[str] = set()
+        if section.set:
+            swept = list(expanded(dict.fromkeys(section.over)))
+            rules = law_search.rules_of(section.set, swept, here)
+            problems.raise_if_any()
+            names = rules.variables
+            for key in rules.formulas.keys() - names:
+                with here.catching("set", key):
+                    cls._axis(key, None, base)
         for key, listed in section.over.items():
             at_key = here.at("over", key)
             axis = law_search.range_of(listed, at_key)
             with at_key.catching():
-                varied = cls._axis(key, axis, base)
+                varied = axis if key in names else cls._axis(key, axis, base)
                 ranges |= {key: varied} if varied else {}
         cls._check(section, base, here)
         problems.raise_if_any()
-        laws = law_search.laws_of(base, ranges)
+        laws = law_search.laws_of(base, ranges, section.set)
         takes_fixed = cls._takes_fixed(section) and any(law.axes for law in laws)
         for law in laws:
             if not (law.axes or takes_fixed):
@@ -407,7 +416,7 @@ def swept(law: LawSearch, columns: dict[str, list[float]]) -> Document:
     if "max_error" not in solver:
         solver.setdefault("error_estimate", False)
     changes: dict[str, Any] = {
-        "sweep": [{"zip": columns} if columns else {"cases": {AS_IT_IS: {}}}],
+        "sweep": [{"zip": columns} if columns else {"cases": {AS_IT_IS: {}}}, *law.rules],
         "store": {"trajectories": "none"},
         "solver": solver | {"cross_check": 0},
     }

@@ -123,11 +123,11 @@ class WorstSearch(Searches[WorstSection]):
         """Return a sweep of all laws over all lines, by default without trajectories."""
         points = [point for line in lines for point in line.points]
         columns = expanded({key: [point[key] for point in points] for key in points[0]})
-        data = self.base.document.data
+        data, follows = self.base.document.data, self.section.set
         ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
         changes: dict[str, Any] = {
             "ensemble": ensemble,
-            "sweep": [{"zip": columns}],
+            "sweep": [{"zip": columns}, *([{"set": follows}] if follows else [])],
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
         return replace(self.base.document, data=without_search(data) | changes)

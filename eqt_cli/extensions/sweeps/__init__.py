@@ -1,0 +1,8 @@
+"""Sweeps whose keys follow from others, that drop points, or that are computed in parts."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_function("rules of a sweep", "rules.Rules")
