@@ -13,9 +13,10 @@ from eqt_cli.analysis.comparison import Comparison, Numbers
 from eqt_cli.analysis.comparison_tables import answer_lines
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import listed
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
-from eqt_cli.results.quantity import WHOLE, Measure, Window
+from eqt_cli.results.quantity import Measure, Window
 from eqt_cli.results.result import PerRun, Result, by_parts, covers
 from eqt_cli.results.summary import own_metrics, repeats
 
@@ -95,6 +96,13 @@ def compare(
         key = measure.name, window.within(result.times)
         if key not in numbers and (number := _number(laws, measure, window, bool(metrics))):
             numbers[key] = number
+    if second is not None and not windows and second.window != result.window:
+        lost = [
+            measure.name
+            for measure, over in chosen
+            if not covers(second, second.quantity(measure.name), over)
+        ]
+        between = [*between, _other_window(names, both, lost)]
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     runs = min(one.runs for one in both)
     good = np.stack([one.good[one.labels.index(law), :runs] for one, law in laws.values()])
@@ -183,6 +191,15 @@ def _number(laws: _Laws, measure: Measure, window: Window, by_name: bool) -> Per
     return replace(first, values=values, censored=censored, runs=shared)
 
 
+def _other_window(names: Sequence[str], both: Sequence[Result], lost: Sequence[str]) -> str:
+    """Say that two results measure over other windows, and which numbers cannot be compared."""
+    first, second = (one.window.words.strip() or "the whole runs" for one in both)
+    words = f"metrics are of {names[0]} {first}, of {names[1]} {second}: compared as of {names[0]}"
+    if not lost:
+        return words
+    return f"{words}; without {listed(lost)}, which {names[1]} does not hold over that time"
+
+
 def _gains(
     laws: _Laws, titles: Mapping[str, str], bases: Mapping[str, str], name: str
 ) -> dict[str, str]:
@@ -218,7 +235,8 @@ def _chosen(
     for name in names:
         measure = result.comparable_named(name)
         if measure.windowed:
-            over = [w for w in windows or (WHOLE,) if metrics or covers(result, measure, w)]
+            wished = windows or (measure.window,)
+            over = [w for w in wished if metrics or covers(result, measure, w)]
         else:
             over = [measure.window]
         chosen += [(measure, window) for window in over]
@@ -235,7 +253,7 @@ def _defaults(result: Result) -> list[tuple[Measure, Window]]:
         (quantity, window)
         for base in (*METRICS, *map(result.quantity, own_metrics(result)))
         for quantity in by_parts(result, base.name)
-        for window in (early if window == EARLY else window for window in base.compared)
+        for window in (early if window == EARLY else quantity.window for window in base.compared)
         if covers(result, quantity, window) and _tells(result, quantity, window)
     ]
 

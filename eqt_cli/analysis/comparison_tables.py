@@ -251,9 +251,9 @@ def name_of(measured: PerRun, comparison: Comparison, write: Plain | None = None
     In the cells of a table, `write` adds the unit.
     """
     cells, window = write or Plain(), measured.seen
-    name = cells.name(replace(measured.quantity, formula=NO_SYMBOL))
+    name = cells.name(replace(measured.quantity, formula=NO_SYMBOL, window=WHOLE))
     is_whole = math.isclose(window.stop - window.start, comparison.horizon)
-    is_named = is_whole or measured.quantity.window != WHOLE
+    is_named = is_whole or "window_s" in measured.quantity.choices
     parts = [
         name,
         "" if is_named else cells.window(window),
@@ -539,7 +539,7 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
             outcome += write.text(f" (of all, {100 * judgement.low:.1f} % or more)")
     else:
         laws = write.text(f"{titles[pair.first]} − {titles[pair.second]}")
-        what = f"{write.name(measured.quantity)}: {laws}"
+        what = f"{write.name(replace(measured.quantity, window=WHOLE))}: {laws}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         outcome = " ".join(filter(None, [interval, write.unit(measured.unit)]))
         share = percent(pair.relative, signed=True).replace("-", "−")

@@ -77,7 +77,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
     from eqt_cli.analysis.maps import winners
 
     if not result.is_sweep:
-        return {"controllers": summary.headline(result)}
+        return {"window": str(result.window), "controllers": summary.headline(result)}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
@@ -85,7 +85,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
         }
         for winner_map in winners(result)
     }
-    return {"points_won": won}
+    return {"window": str(result.window), "points_won": won}
 
 
 def _headline(result: Result, laws: list[dict[str, Any]]) -> Text:
@@ -145,7 +145,7 @@ def _shares(result: Result, laws: list[dict[str, Any]]) -> Iterator[str]:
     shown = [*summary.headlines(result), *result.in_parts("saturated_share")]
     for quantity in (known[name] for name in shown if name in known):
         if quantity.hold(result.described.holds) and len(result.times) > 1:
-            number = result.per_run(quantity, quantity.window)
+            number = result.per_run(quantity)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())
             yield from number.sampling_note(least, summary.unit_in_words(result, quantity.name))
 

@@ -399,6 +399,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     task, time = task_of(config.task), config.time
     at_threshold = problems.at("settling_threshold")
     threshold = task.threshold(config.settling_threshold, G, at_threshold)
+    _check_window(config.measure, time, problems.at("measure"))
     config = config.model_copy(update={"settling_threshold": threshold})
 
     def take(name: str, make: Callable[[], Any], *parts: Any) -> Any:
@@ -474,6 +475,30 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     texts = plugins | dict(ChainMap(*(law.code for law in laws.values())))
     document = replace(document, home=replace(home, plugins=texts, trusted=True))
     return Experiment(config, G, laws, loops, desired, start, config.solver, document)
+
+
+def _check_window(
+    window: schema.MeasureSection | None, time: schema.TimeSection, problems: Problems
+) -> None:
+    """Note a window without two samples, or one that begins or ends after the runs."""
+    if window is None:
+        return
+    start, end = window.start, time.duration
+    stop = end if window.stop is None else window.stop
+    if start >= end:
+        problems.at("start").add(f"expected less than time.duration, {end:g} s, got {start:g}")
+    elif stop > end:
+        problems.at("stop").add(f"expected at most time.duration, {end:g} s, got {stop:g}")
+    elif stop <= start:
+        problems.at("stop").add(f"expected more than the start, {start:g} s, got {stop:g}")
+    else:
+        times, rounding = np.linspace(0.0, end, time.samples), 1e-9 * end
+        inside = np.count_nonzero((times >= start - rounding) & (times <= stop + rounding))
+        if inside < 2:
+            problems.add(
+                f"from {start:g} to {stop:g} s there is {inside or 'no'} sample, and they are "
+                f"{times[1]:g} s apart; widen the window, or set time.samples higher"
+            )
 
 
 def _check_instants(loop: ClosedLoop, until: float, rtol: float, problems: Problems) -> None:

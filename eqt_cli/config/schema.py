@@ -446,6 +446,23 @@ class StoreSection(Section):
     memory: Literal["auto"] | bool = "auto"
 
 
+class MeasureSection(Section):
+    """The window of time over which metrics are taken.
+
+    Settling, the early torque and the energy balance are of whole runs.
+
+    Attributes
+    ----------
+    start
+        Where it begins, s after the start of the runs; earlier samples do not count.
+    stop
+        Where it ends; default: at the end of the runs.
+    """
+
+    start: Annotated[Real, Field(ge=0), Unit("s")] = 0.0
+    stop: Annotated[Positive | None, Unit("s")] = None
+
+
 Formula = str | float
 """An expression in t, or a number."""
 
@@ -963,6 +980,8 @@ class Config(Section):
         such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
         {rotation: 5 deg, translation: 0.2}: the angle, and the distance ‖p − p_d‖; parts without a
         threshold do not count. Of the error of the angular velocity: {rate: 0.5 deg/s}.
+    measure
+        The window of time over which metrics are taken, such as {start: 20 s}; default: whole runs.
     early_window
         How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper.
     closing_window
@@ -1003,6 +1022,7 @@ class Config(Section):
     tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None
     worst: Annotated[WorstSection | None, NotSwept("chooses its own points"), SEARCH] = None
     settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
+    measure: Annotated[MeasureSection | None, NotSwept("decides what a result contains")] = None
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     metrics: Annotated[list[AnyMetric] | None, NotSwept("decides what a result contains")] = None

@@ -83,8 +83,8 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
     of = result.quantity(metric) if result.has(metric) else result.comparable_named(metric)
     words = result.custom_names.get(metric, "")
     if "{}" in of.label and not words:
-        return of.label.replace("{}", _labelled(result, metric, of.symbol.latex, unit))
-    words = free_text(words or of.label or of.long_name, characters)
+        return of.label.replace("{}", _labelled(result, metric, of.symbol.latex, unit)) + of.when
+    words = free_text((words or of.label or of.long_name) + of.when, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
 
 

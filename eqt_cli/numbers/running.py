@@ -293,28 +293,23 @@ class Running(SampledRuns):
         return self._memory.keep(0.0, lambda total: where(counts, total + weight * values, total))
 
     def largest(self, values: Any) -> Any:
-        self._all_inside()
-
         def larger(before: Any) -> Any:
             # No comparison with NaN holds, so that NaN persists.
             return where(less(before, np.inf), where(less(values, before), before, values), before)
 
-        return self._memory.keep(-np.inf, larger)
+        return self._keep(-np.inf, larger)
 
     def smallest(self, values: Any) -> Any:
         return -self.largest(-values)
 
     def initial(self, values: Any) -> Any:
-        self._all_inside()
         first = less(0.0, self._column(np.arange(len(self.times)) == 0))
         return self._memory.keep(0.0, lambda before: where(first, values, before))
 
     def final(self, values: Any) -> Any:
-        self._all_inside()
-        return self._memory.keep(0.0, lambda before: values)
+        return self._keep(0.0, lambda before: values)
 
     def before(self, values: Any) -> Any:
-        self._all_inside()
         first = less(0.0, self._column(np.arange(len(self.times)) == 0))
         earlier: list[Any] = []
 
@@ -322,18 +317,20 @@ class Running(SampledRuns):
             earlier.append(where(first, values, previous))
             return values
 
-        latest = self._memory.keep(0.0, itself)
+        latest = self._keep(0.0, itself)
         return earlier[0] if earlier else latest
 
     def latest(self, values: Any, condition: Any) -> Any:
-        self._all_inside()
-        return self._memory.keep(0.0, lambda before: where(condition, values, before))
+        return self._keep(0.0, lambda before: where(condition, values, before))
 
     def _column(self, values: Array) -> Any:
         whole = np.zeros(len(self._inside))
         whole[self._inside] = values
         return self._memory.column(whole)
 
-    def _all_inside(self) -> None:
-        if not self._inside.all():
-            raise TraceError("only sums are taken over a window")
+    def _keep(self, start: float, following: Callable[[Any], Any]) -> Any:
+        """Return a number that is updated at the samples considered."""
+        if self._inside.all():
+            return self._memory.keep(start, following)
+        counts = less(0.0, self._memory.column(self._inside.astype(float)))
+        return self._memory.keep(start, lambda before: where(counts, following(before), before))

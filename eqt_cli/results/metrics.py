@@ -1,6 +1,8 @@
 """The stored metrics, and the table of all quantities of a result."""
 
+import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from types import MappingProxyType
@@ -508,6 +510,17 @@ _OF_THE_RUN = (
 """Quality of the numbers, and outcome of the run; the run provides those without a formula."""
 
 
+def over(row: Measure, window: Window) -> Measure:
+    """Return a row over a window; what judges the numbers of a run is of all of it.
+
+    A number at the end of the runs stays what it is.
+    """
+    at_the_end = row.of is final and math.isinf(window.stop)
+    if at_the_end or row.of is energy_residual or not row.windowed:
+        return row
+    return replace(row, window=window)
+
+
 QUANTITIES = {
     quantity.name: quantity
     for quantity in (
@@ -551,6 +564,12 @@ def _user_quantity(name: str, words: str, better: Better, censored: bool, **more
     return Measure(name, words, notes=notes, compared=(WHOLE,), **more)
 
 
+def _number(value: Any, default: float) -> float:
+    """Return a number of a file, or the default where it is none."""
+    is_number = isinstance(value, int | float | np.number)
+    return float(value) if is_number and 0 < value < np.inf else default
+
+
 def quantity_of(
     name: str, long_name: str = "", attributes: Mapping[str, Any] = MappingProxyType({})
 ) -> Measure:
@@ -564,7 +583,9 @@ def quantity_of(
     for better in get_args(Better):
         if attributes.get("better") == better:
             units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
-            return _user_quantity(name, long_name or name, better, late, units=units)
+            row = _user_quantity(name, long_name or name, better, late, units=units)
+            start, stop = (attributes.get(f"{end}_s") for end in ("start", "stop"))
+            return replace(row, window=Window(_number(start, 0.0), _number(stop, math.inf)))
     for row in MEASURED:
         if name.startswith(f"{row.name}_") and row.stored_by_part:
             return row.with_choices(attributes).part(name.removeprefix(f"{row.name}_"))

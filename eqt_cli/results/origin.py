@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import (
     BaseModel,
     FiniteFloat,
+    NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
@@ -149,6 +150,8 @@ class Experiment(BaseModel):
         The body axis that `task: point` turns; none of other tasks.
     parts
         The parts of the coordinates; none where the group is swept.
+    window
+        Start and end of the window over which metrics are taken, s; None for the end of the runs.
     """
 
     titles: dict[str, Words] = {}
@@ -170,6 +173,7 @@ class Experiment(BaseModel):
     decimate: PositiveInt = 1
     axis: Arrow | None = None
     parts: list[StoredPart] = []
+    window: tuple[NonNegativeFloat, PositiveFloat | None] = (0.0, None)
 
 
 _TEXT = "text", TypeAdapter(str).validate_python

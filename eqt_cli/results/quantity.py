@@ -104,6 +104,13 @@ class Window:
             cut = np.concatenate([cut, _at(times, values, stop, held)[:, None]], axis=1)
         return cut_times, cut
 
+    @property
+    def words(self) -> str:
+        """`` from 20 s``, as it follows a name; empty for the whole horizon."""
+        if math.isinf(self.stop):
+            return f" from {self.start:g} s" if self.start else ""
+        return f" {self.start:g}–{self.stop:g} s"
+
     def __str__(self) -> str:
         stop = "" if math.isinf(self.stop) else f"{self.stop:g}"
         return f"{self.start:g}:{stop}"
@@ -204,13 +211,23 @@ class Quantity:
 
     @property
     def plain(self) -> str:
-        """Short name in plain characters: ``mean ‖τ‖``, ``effort``."""
-        return self.label.replace("{}", self.symbol.plain) or self.long_name
+        """Short name in plain characters: ``mean ‖τ‖``, ``effort from 20 s``."""
+        return self._name + self.when
 
     @property
     def described(self) -> str:
         """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
-        return f"{self.plain} {self.formula.plain.replace('{}', self.symbol.plain)}".rstrip()
+        formula = self.formula.plain.replace("{}", self.symbol.plain)
+        return f"{self._name} {formula}".rstrip() + self.when
+
+    @property
+    def _name(self) -> str:
+        return self.label.replace("{}", self.symbol.plain) or self.long_name
+
+    @property
+    def when(self) -> str:
+        """The window in words; empty where it is the whole run, or where the name says it."""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -238,7 +255,7 @@ class Measure(Quantity):
     chosen
         Returns the fields that they change.
     window
-        Window over which it is taken. If this is the whole run, any other window is possible.
+        Window over which it is taken.
     compared
         Default windows for comparisons of controllers.
     censored
@@ -288,7 +305,15 @@ class Measure(Quantity):
     def windowed(self) -> bool:
         """Whether it can be taken over any window, not only over its own."""
         known = all(signal_of(name) for name in self.signals)
-        return self.of is not None and known and self.window == WHOLE and not self.settings
+        return self.of is not None and known and not self._has_own_window and not self.settings
+
+    @property
+    def _has_own_window(self) -> bool:
+        return "window_s" in self.choices
+
+    @property
+    def when(self) -> str:
+        return "" if self._has_own_window else self.window.words
 
     @property
     def is_own(self) -> bool:
@@ -321,9 +346,14 @@ class Measure(Quantity):
     @property
     def attributes(self) -> dict[str, Attribute]:
         """Attributes of the variable in a result file."""
-        units = {"units": self.units} if self.units else {}
-        window = {} if self.window == WHOLE else {"window_s": self.window.stop}
-        return {**units, "long_name": self.long_name, **window, **self.notes}
+        about: dict[str, Attribute] = {"units": self.units} if self.units else {}
+        if self._has_own_window:
+            about |= {"long_name": self.long_name, "window_s": self.window.stop}
+            return {**about, **self.notes}
+        ends = {f"{end}_s": getattr(self.window, end) for end in ("start", "stop")}
+        changed = {key: x for key, x in ends.items() if x not in (WHOLE.start, WHOLE.stop)}
+        words = self.long_name.removesuffix(" over the horizon") if changed else self.long_name
+        return {**about, "long_name": words + self.when, **changed, **self.notes}
 
     def part(self, name: str) -> Measure:
         """Return the same quantity for one part of its norm, such as ``rotation``."""
@@ -446,7 +476,8 @@ class Latex(Plain):
         if quantity.label:
             label = quantity.label.replace("{}", f"${quantity.symbol.latex}$")
         formula = quantity.formula.latex.replace("{}", quantity.symbol.latex)
-        return f"{label} ${formula}$" if formula else label
+        when = quantity.when.replace("–", "--").replace(" s", r"\,s")
+        return (f"{label} ${formula}$" if formula else label) + when
 
     def unit(self, unit: str) -> str:
         if unit in ("", "1", "mixed"):

@@ -27,7 +27,7 @@ from eqt_cli.base.stored import (
     signal_of,
 )
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
+from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, over, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
 from eqt_cli.results.quantity import (
     WHOLE,
@@ -397,7 +397,7 @@ class Result(KnownResult):
             values = np.stack([self.at(point).metric(name) for point in range(self.points)])
         else:
             quantity = self.comparable_named(name)
-            numbers = self.per_run(quantity, quantity.window)
+            numbers = self.per_run(quantity)
             values = np.where(numbers.censored, np.nan, numbers.values)
         return values if controller is None else values[..., controller, :]
 
@@ -425,9 +425,14 @@ class Result(KnownResult):
 
     def quantity(self, name: str) -> Measure:
         """Return the row of a variable in the table, with the attributes of the file."""
-        if not self.has(name):
-            return _of_part(self, quantity_of(name))
-        return _of_part(self, quantity_of(name, self.long_name(name), self.attributes_of(name)))
+        attributes = (self.long_name(name), self.attributes_of(name)) if self.has(name) else ()
+        return _of_part(self, over(quantity_of(name, *attributes), self.window))
+
+    @cached_property
+    def window(self) -> Window:
+        """The window of time over which metrics are taken, unless they have their own."""
+        start, stop = self.described.window
+        return Window(start, stop or math.inf)
 
     @cached_property
     def comparable(self) -> dict[str, Measure]:
@@ -446,25 +451,31 @@ class Result(KnownResult):
         """Return the stored numbers of the parts if their units differ, else the number."""
         return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]
 
-    def per_run(self, quantity: Measure, window: Window = WHOLE) -> PerRun:
+    def per_run(self, quantity: Measure, window: Window | None = None) -> PerRun:
         """Return a number of every run over a window, as stored or computed from trajectories.
+
+        Parameters
+        ----------
+        window
+            Default: that of the quantity.
 
         Raises
         ------
         EqtError
             If the result lacks the data.
         """
-        window, unit = window.within(self.times), self.unit_of(quantity)
+        window = (quantity.window if window is None else window).within(self.times)
+        unit = self.unit_of(quantity)
         stored, runs = _stored_as(self, quantity, window), np.arange(self.runs)
         if stored is not None:
             columns = _number(self, stored)
         elif _has_signals(self, quantity):
-            runs, over = self.stored_runs, SampledRuns(self.times, self.described.holds)
+            runs, samples = self.stored_runs, SampledRuns(self.times, self.described.holds)
             columns = np.empty((len(self.labels), len(runs)))
             for c in range(len(self.labels)):
                 signals = {signal: self.read(signal, controller=c) for signal in quantity.signals}
                 with np.errstate(all="ignore"):  # failed runs hold NaN
-                    columns[c] = quantity.measure(over, signals, window)
+                    columns[c] = quantity.measure(samples, signals, window)
         else:
             raise _not_stored(self, quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)
@@ -478,6 +489,7 @@ class Result(KnownResult):
         of_all = self.described.decimate if stored is not None else 1
         error, missed = _sampling(self, quantity, window, of_all)
         sampling = (error * factor, missed)
+        quantity = over(quantity, WHOLE if window == WHOLE.within(self.times) else window)
         return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
 
     @cached_property
@@ -553,9 +565,9 @@ def _sampling(result: Result, quantity: Measure, window: Window, of_all: int) ->
     def values(step: int) -> Array:
         read = {name: np.concatenate(result.read(name, **some)) for name in quantity.signals}
         signals = {name: values[:, :odd:step] for name, values in read.items()}
-        over = SampledRuns(result.times[:odd:step], result.described.holds)
+        samples = SampledRuns(result.times[:odd:step], result.described.holds)
         with np.errstate(invalid="ignore"):  # NaN of too few samples, or of infinite ones
-            return np.asarray(quantity.measure(over, signals, window))
+            return np.asarray(quantity.measure(samples, signals, window))
 
     changes = np.abs(values(1) - values(2)).reshape(len(result.labels), -1)
     error = mean_over_runs(changes) / (1 if hold else 3)

@@ -41,7 +41,7 @@ from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, SETTLING
-from eqt_cli.results.quantity import Measure, ValuePer
+from eqt_cli.results.quantity import WHOLE, Measure, ValuePer
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import (
     BOUND_PER_RTOL,
@@ -61,6 +61,9 @@ from eqt_cli.runs.provenance import versions
 ENDED, CHECKED, STUDY, SECONDS = ".ended", ".states", ".study", ".seconds"
 """Arrays in the file of a slab that are no quantities, whose names have no dots: whether each run
 has ended, the states of the runs to cross-check, the digest of the study, CPU times of calls."""
+
+LARGEST_TORQUE = "largest torque"
+"""Of all samples of a run, whatever the window of its metrics."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
@@ -433,7 +436,8 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     wait = 0.0 if control is None else (control.delay + 2) * control.period
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
     formulas = ((type(each).__module__, repr(each)) for each in own_metrics)
-    known = (K.tobytes(), balanced, first, *held.items(), *formulas)
+    windows = {metric.window for metric in metrics}
+    known = (K.tobytes(), balanced, first, *held.items(), *formulas, *sorted(map(repr, windows)))
     key = tuple(m.name for m in metrics), tuple(values.items()), known
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
@@ -522,11 +526,13 @@ class Numbers:
         if isinstance(over, Running):
             for metric in self.metrics:
                 shapes = {name: np.shape(signals[name])[1:] for name in metric.signals}
-                whole = partial(metric.measure, window=metric.window)
+                whole = partial(metric.measure, window=WHOLE)
                 if metric.is_own and not goes_by_samples(whole, shapes):
                     raise TraceError(f"metric {metric.name} does not go from sample to sample")
         numbers = {metric.name: self._number(metric, over, signals) for metric in self.metrics}
         away = distance_to_unstable(self.group, self.K, signals[POSE_ERROR])
+        if "torque_norm" in signals:
+            numbers[LARGEST_TORQUE] = over.largest(signals["torque_norm"])
         return numbers | {
             "group_drift": over.largest(signals[DRIFT]),
             "unstable_distance": over.smallest(away),
@@ -600,7 +606,7 @@ LARGE = 1e-3
 
 def _find_undefined(first: Solution) -> None:
     """Set the status `NON_FINITE` for runs whose steps missed a torque that is not finite."""
-    peaks = first.numbers.get("peak_torque", np.zeros(len(first.status)))
+    peaks = first.numbers.get(LARGEST_TORQUE, np.zeros(len(first.status)))
     for run in np.flatnonzero((first.status == Status.OK) & ~np.isfinite(peaks)):
         first.status[run] = Status.NON_FINITE
         first.messages[run] = (

@@ -29,7 +29,9 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
     listed = [up for up in ups if isinstance(up, list)]  # None is along the last axis
     known = [up for up in listed if all(isinstance(x, int | float) for x in up)]
+    window = config.get("measure") or {}
     return {
+        "window": (window.get("start") or 0.0, window.get("stop")),
         "down": any(up[-1] == -max(map(abs, up)) < 0 for up in known),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
         "rtol": rtol if isinstance(rtol, float) else None,

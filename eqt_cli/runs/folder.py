@@ -8,12 +8,12 @@ index: it holds the numbers of each run of all points.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +51,12 @@ from eqt_cli.results.metrics import (
     MEASURED,
     QUANTITIES,
     SETTLING,
+    over,
     over_time,
     own_quantity,
 )
 from eqt_cli.results.origin import stored_part
-from eqt_cli.results.quantity import Measure, ValuePer
+from eqt_cli.results.quantity import WHOLE, Measure, ValuePer, Window
 from eqt_cli.results.timing import TIMING
 from eqt_cli.runs.description import description
 from eqt_cli.runs.law_names import law_names
@@ -315,7 +316,15 @@ def with_keys_of(config: Config, quantity: Measure) -> Measure:
     if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
         return by_thresholds_of_parts(quantity, thresholds)
     values = {name: getattr(config, key) for name, key in quantity.choices.items()}
-    return quantity.with_choices(values)
+    quantity = quantity.with_choices(values)
+    return over(quantity, window_of(config))
+
+
+def window_of(config: Config) -> Window:
+    """Return the window of time over which metrics are taken."""
+    if (window := config.measure) is None:
+        return WHOLE
+    return Window(window.start, math.inf if window.stop is None else window.stop)
 
 
 RESERVED = {*QUANTITIES, *(dim for each in QUANTITIES.values() for dim in each.dims)}
@@ -442,7 +451,7 @@ def measured_of(experiment: Experiment) -> list[Measure]:
     """Return the quantities computed from signals, including those of parts."""
     config, group = experiment.config, experiment.group
     rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
-    rows += map(own_row, experiment.metrics)
+    rows += (with_keys_of(config, own_row(metric)) for metric in experiment.metrics)
     return rows + [
         row.part(part.name)
         for row in rows
@@ -520,7 +529,7 @@ def bytes_of(study: Study, *kinds: ValuePer) -> int:
     """Return the size of the variables of points of one shape, of some kinds or all, bytes."""
     sizes = sizes_of(study)
     return sum(
-        prod(sizes[dim] for dim in blank.dims)
+        math.prod(sizes[dim] for dim in blank.dims)
         * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
         for blank in blanks(study, *kinds).values()
     )

@@ -185,7 +185,7 @@ def test_plugins_says_where_there_are_none(eqt, result):
 
 def test_json_is_one_document(eqt, result):
     document = json.loads(eqt("show", result, "--json").out)
-    keys = "path title digest config provenance dimensions variables controllers"
+    keys = "path title digest config provenance dimensions variables window controllers"
     assert set(document) == set(keys.split())
     manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
     assert document["digest"] == manifest["digest"]

@@ -94,13 +94,18 @@ def test_a_window_between_two_samples_cannot_be_found_one_by_one():
         over.within(Window(0.0, 3.3).cut, [])
 
 
-@pytest.mark.parametrize("name", ["largest", "smallest", "initial", "final", "before", "latest"])
-def test_only_sums_over_a_window_are_found_one_by_one(name):
-    of = NUMBERS["latest"] if name == "latest" else lambda over, x: getattr(over, name)(x)
-    over = Running(np.linspace(0, 10, 11), Memory(np.zeros(9), np.zeros(9)))
-    over, (values,) = over.within(Window(0.0, 3.0).cut, [np.ones(1)])
-    with pytest.raises(TraceError, match="only sums are taken over a window"):
-        of(over, values)
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_window_is_one_by_one_what_it_is_all_at_once(name):
+    """Samples outside count nowhere: those before are larger, and the last ones are lost."""
+    times, values = np.arange(9.0), np.array([9.0, 8.0, -1.0, 2.0, 1.5, 3.0, -2.0, np.nan, np.nan])
+
+    def of(over, x):
+        within, (x,) = over.within(Window(2.0, 6.0).cut, [x])
+        return NUMBERS[name](within, x)
+
+    expected = NUMBERS[name](SampledRuns(times[2:7]), values[None, 2:7])[0]
+    assert np.isfinite(expected)
+    np.testing.assert_array_equal(one_by_one(times, values, of), expected)
 
 
 @given(st.lists(st.floats(0.01, 10.0), min_size=1, max_size=12))

@@ -8,7 +8,13 @@ import pytest
 from eqt_cli.config.study import Study
 from eqt_cli.extend import Problem, Solution, Status, TaskContext
 from eqt_cli.runs.batches import chosen_entries, distance
-from eqt_cli.runs.compute_part import _find_undefined, _judge, compute_part, shared_reference
+from eqt_cli.runs.compute_part import (
+    LARGEST_TORQUE,
+    _find_undefined,
+    _judge,
+    compute_part,
+    shared_reference,
+)
 
 NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 
@@ -68,7 +74,7 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
 
 def test_a_torque_that_steps_miss_ends_a_run():
     solution = Solution(np.zeros((3, 1, 1)), np.array([0, 0, 1]), np.zeros(3, int), [""] * 3)
-    peaks = {"peak_torque": np.array([1.0, np.nan, np.nan])}
+    peaks = {LARGEST_TORQUE: np.array([1.0, np.nan, np.nan])}
     _find_undefined(replace(solution, numbers=peaks))
     assert solution.status.tolist() == [Status.OK, Status.NON_FINITE, 1]
     assert solution.messages[1].startswith("the torque is not finite at a sample, between steps")

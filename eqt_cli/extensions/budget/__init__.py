@@ -6,5 +6,5 @@ from eqt_cli.base.extensions import READ, Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("sensors", "drift", "drift")
-    example = "examples/budget/cubesat12.yaml --window 100:"
+    example = "examples/budget/cubesat12.yaml --figure budget.pdf"
     extension.add_command("budget", "commands.budget", READ, example, after="margins")

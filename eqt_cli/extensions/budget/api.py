@@ -16,7 +16,7 @@ def error_budget(
     overrides: Mapping[str, Any] | None = None,
     *,
     error: str = "",
-    window: str = ":",
+    window: str = "",
     shares: Sequence[float] = SHARES,
     workers: int = 1,
 ) -> Budget:
@@ -30,7 +30,7 @@ def error_budget(
         ``attitude_angle``, ``pointing_error``, ``position_error`` or ``heading_error``. Default:
         the first of them that the loops have.
     window
-        ``START:STOP`` in s.
+        ``START:STOP`` in s. Default: that of `measure`, or the whole horizon.
     shares
         Quantiles to tell, such as 0.997.
     workers
@@ -55,5 +55,5 @@ def error_budget(
     """
     base = load_experiment(config, overrides)
     executor = choose_executor(base, workers, "auto", {})
-    over = Window.parse(window)
+    over = Window.parse(window) if window else None
     return budget(base, executor, error=error, window=over, shares=shares)

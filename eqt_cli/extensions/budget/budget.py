@@ -28,6 +28,7 @@ from eqt_cli.loop.signals import existing
 from eqt_cli.results.quantity import Window
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
+from eqt_cli.runs.folder import window_of
 
 ERRORS = ("attitude_angle", "pointing_error", "position_error", "heading_error")
 """Errors of a budget; the first one that a loop has is the default."""
@@ -381,7 +382,7 @@ def budget(
     error
         One of `ERRORS`. Default: the first one that the loops have.
     window
-        The window of time. Default: the whole horizon.
+        The window of time. Default: that of `measure`, or the whole horizon.
     shares
         Quantiles of the whole error to tell.
 
@@ -390,7 +391,7 @@ def budget(
     EqtError
         If it is a sweep, has too few runs, no such error, nothing to switch off, or if runs fail.
     """
-    window = window or Window()
+    window = window or window_of(base.base.config)
     if base.sweep is not None:
         raise EqtError(f"{base.name}: is a sweep; choose one point of it: --point N")
     runs = base.base.config.ensemble.runs

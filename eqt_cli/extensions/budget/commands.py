@@ -13,7 +13,7 @@ from eqt_cli.cli.compare import TableFormat
 def budget(
     config: options.Config,
     error: Annotated[str, options.option("--error")] = "",
-    window: Annotated[str, options.option("--window")] = ":",
+    window: Annotated[str, options.option("--window")] = "",
     quantile: Annotated[list[float] | None, options.option("--quantile")] = None,
     point: options.Point = None,
     set_: options.Set = None,
@@ -37,6 +37,7 @@ def budget(
         --error NAME  attitude_angle, pointing_error, position_error or heading_error. Default: the
             first one that the loops have.
         --window START:STOP  Times over which errors count, s; 20: leaves out the first 20 s.
+            Default: `measure` of the configuration, or the whole time.
         --quantile P  A quantile of the whole error, such as 0.997. Repeatable.
     Result
         --figure FILE  Draw the sources in a pdf, svg or png.
@@ -54,7 +55,7 @@ def budget(
     for share in shares:
         if not 0 < share < 1:
             raise EqtError(f"--quantile: expected a share between 0 and 1, got {share:g}")
-    over = Window.parse(window)
+    over = Window.parse(window) if window else None
     document = options.document_of(config, set_, engine, trust_plugins=trust_plugins)
     study = options.study_at(document, point, "computed without")
     setup = options.Setup(engine=engine, workers=workers, executor=executor)

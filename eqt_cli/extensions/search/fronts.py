@@ -18,7 +18,7 @@ from eqt_cli.base.reporting import Block, TextTable, fixed, significant
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import WHOLE, Measure, Plain, Window
+from eqt_cli.results.quantity import Measure, Plain, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
 
 # Ranks scored points: feasible points first, then by objectives -----------------------------------
@@ -368,7 +368,7 @@ class OverCases(Result):
         late: Array = np.any([case.censored(name) for case in self._cases], axis=0)
         return late if controller is None else late[controller]
 
-    def per_run(self, quantity: Measure, window: Window = WHOLE) -> PerRun:
+    def per_run(self, quantity: Measure, window: Window | None = None) -> PerRun:
         """Return the same as in `Result`, combined over the cases."""
         per_case = [case.per_run(quantity, window) for case in self._cases]
         values = self._over(quantity, [one.values for one in per_case])

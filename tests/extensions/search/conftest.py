@@ -8,6 +8,7 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.extensions.search import training
+from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import Result
 
 SMALL = mapping(
@@ -29,7 +30,7 @@ SMALL = mapping(
 class Stored(Result):
     """A result made up of numbers of one law, ``(points, runs)``."""
 
-    horizon = 10.0
+    horizon, window = 10.0, WHOLE
 
     def __init__(self, status, **numbers):
         self.numbers = {name: np.array(each, float)[:, None] for name, each in numbers.items()}
