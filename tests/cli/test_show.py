@@ -106,9 +106,12 @@ def test_failed_lists_every_failed_run(eqt):
     assert all(line.endswith("step limit: 20 evaluations (solver.max_steps)") for line in lines)
 
 
-def test_failed_says_where_there_is_none(eqt, result):
-    done = eqt("show", result, "--failed")
-    assert (done.code, done.out, done.err) == (0, "", "no run failed\n")
+@pytest.mark.parametrize(
+    ("option", "said"), [("--failed", "no run failed\n"), ("--plugins", "no plugins\n")]
+)
+def test_options_say_where_there_is_none(eqt, result, option, said):
+    done = eqt("show", result, option)
+    assert (done.code, done.out, done.err) == (0, "", said)
 
 
 @pytest.mark.needs("recordings")
@@ -176,11 +179,6 @@ def test_plugins_are_printed_and_not_executed(eqt, folder):
     assert "executed" in eqt("run", "c.yaml", "--out", "out", *plugin).out
     done = eqt("show", "out", "--plugins")
     assert (done.code, done.out, done.err) == (0, f"# mine.py\n{source}", "")
-
-
-def test_plugins_says_where_there_are_none(eqt, result):
-    done = eqt("show", result, "--plugins")
-    assert (done.code, done.out, done.err) == (0, "", "no plugins\n")
 
 
 def test_json_is_one_document(eqt, result):

@@ -228,14 +228,6 @@ def test_a_processor_is_the_first_one_without_what_varies(monkeypatch, tmp_path)
     assert compiler._processor() == []
 
 
-def test_where_the_processor_is_unknown_a_compiler_is_asked_each_time(cc, monkeypatch):
-    monkeypatch.setattr(compiler, "_processor", list)
-    compiler.compiler()
-    forget()
-    compiler.compiler()
-    assert cc() == (0, 2)
-
-
 # What it says where it cannot ---------------------------------------------------------------------
 
 
@@ -293,22 +285,18 @@ def test_what_a_compiler_makes_counts_only_where_it_succeeds(on_path, without_zi
         compiler.library(SOURCE)
 
 
-def test_a_compiler_that_rounds_otherwise_is_refused(cc, monkeypatch):
-    called = f"{os.environ['CC']} -ffast-math"
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("-ffast-math", "does not round as IEEE 754 says (__FAST_MATH__ is 1)"),
+        ("-fsingle-precision-constant", "reads 0.1 as a float"),
+    ],
+)
+def test_a_compiler_that_computes_otherwise_is_refused(cc, monkeypatch, option, said):
+    called = f"{os.environ['CC']} {option}"
     monkeypatch.setenv("CC", called)
-    assert refusal(EqtError, compiler.compiler) == (
-        f"the C compiler {called} does not round as IEEE 754 says (__FAST_MATH__ is 1); remove "
-        "options such as -ffast-math from the variable CC"
-    )
-
-
-def test_a_compiler_that_narrows_constants_is_refused(cc, monkeypatch):
-    called = f"{os.environ['CC']} -fsingle-precision-constant"
-    monkeypatch.setenv("CC", called)
-    assert refusal(EqtError, compiler.compiler) == (
-        f"the C compiler {called} reads 0.1 as a float; remove -fsingle-precision-constant from "
-        "the variable CC"
-    )
+    expected = f"the C compiler {called} {said}; remove …{option} from the variable CC"
+    assert says(refusal(EqtError, compiler.compiler), expected)
 
 
 def test_a_source_that_does_not_compile_is_told_in_short(cc):
@@ -477,11 +465,12 @@ def test_another_compiler_in_its_place_is_asked(cc, tmp_path, monkeypatch):
     assert cc() == (0, 2)
 
 
-def test_another_processor_is_asked_of(cc, monkeypatch):
-    compiler.compiler()
-    monkeypatch.setattr(compiler, "_processor", lambda: ["flags\t\t: fma"])
-    forget()
-    compiler.compiler()
+@pytest.mark.parametrize("processors", [[[], []], [["flags: avx"], ["flags: fma"]]])
+def test_of_an_unknown_or_another_processor_a_compiler_is_asked_again(cc, monkeypatch, processors):
+    for processor in processors:
+        monkeypatch.setattr(compiler, "_processor", lambda processor=processor: processor)
+        forget()
+        compiler.compiler()
     assert cc() == (0, 2)
 
 

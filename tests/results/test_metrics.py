@@ -96,14 +96,11 @@ def test_numbers_that_are_known_exactly_also_beside_a_run_without_them(name):
     assert np.isnan(second) or name in ("final_pose_error", "final_velocity_error")
 
 
-def test_the_first_5_s_need_no_sample_at_their_end():
-    times = np.linspace(0, 20, 8)
-    assert measured("early_torque", {"torque_norm": times[None]}, times=times) == pytest.approx(2.5)
-
-
-def test_a_shorter_run_is_early_as_a_whole():
-    times = np.linspace(0, 3, 4)
-    assert measured("early_torque", {"torque_norm": times[None]}, times=times) == pytest.approx(1.5)
+@pytest.mark.parametrize(("end", "samples", "mean"), [(20, 8, 2.5), (3, 4, 1.5)])
+def test_the_first_5_s_need_no_sample_at_their_end_and_a_shorter_run_is_early(end, samples, mean):
+    times = np.linspace(0, end, samples)
+    found = measured("early_torque", {"torque_norm": times[None]}, times=times)
+    assert found == pytest.approx(mean)
 
 
 def test_any_window_of_what_has_windows():

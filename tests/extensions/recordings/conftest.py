@@ -23,6 +23,11 @@ NOISE = {"rotation": 0.002, "place": 0.002, "rate": 0.004, "velocity": 0.01}
 NAMES = {"SO3": "t qx qy qz qw wx wy wz tx ty tz", "SE3": " x y z vx vy vz fx fy fz"}
 
 
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
 def model(group: str, **changes: Any) -> dict[str, Any]:
     """The configuration of a plant with a wrong inertia and no drag."""
     m = len(DRAG[group])

@@ -23,11 +23,6 @@ A, B = [0.21, 0.30, 0.22, 0.19, 0.25, 0.24], [0.28, 0.29, 0.37, 0.33, 0.31, 0.32
 T = np.arange(0.0, 15.0, 0.1)
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture
 def fly(monkeypatch):
     """Makes flights of constant errors, as if they were read; returns the names of both sides."""

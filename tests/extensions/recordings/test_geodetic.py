@@ -13,11 +13,6 @@ A, F = 6378137.0, 1 / 298.257223563
 TIMES = np.arange(0.0, 12.0, 0.2)
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def circle(lat, east=0.0, north=0.0, up=0.0):
     """Rows of t, lat, lon (deg), alt (m) of a circle of 30 m, by the two radii of curvature."""
     e2, s = F * (2 - F), np.sin(np.radians(lat))

@@ -16,11 +16,6 @@ T = 1e3 + np.arange(200) / 20  # s
 POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def place(t):
     return np.c_[np.sin(t), np.cos(0.7 * t), 0.1 * (t - T[0])]
 

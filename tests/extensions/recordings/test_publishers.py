@@ -19,11 +19,6 @@ US = 1e6
 POSE, TWIST = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped"
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def place(t):
     return np.c_[2 * np.sin(t), 3 * np.cos(0.7 * t), 0.1 * (t - T[0])]
 

@@ -32,11 +32,6 @@ Q = np.c_[np.outer(np.sin(ANGLE / 2), AXIS), np.cos(ANGLE / 2)]
 ISO = [f"2024-02-29T23:59:{s:06.3f}" for s in 50 + T]
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def rows(*columns, separator=","):
     numbers = np.column_stack(columns)
     return "".join(separator.join(f"{x:.12f}" for x in row) + "\n" for row in numbers.tolist())

@@ -22,11 +22,6 @@ SPEED, RADIUS = 3.0, 0.75
 TURN = SPEED / RADIUS
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def circle(t):
     """A circle at 3 m/s."""
     return RADIUS * np.c_[np.cos(TURN * t), np.sin(TURN * t), 0 * t]

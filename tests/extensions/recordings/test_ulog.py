@@ -56,11 +56,6 @@ def table_of(content, name="f.ulg"):
     return logs.table_of(flight_of(Path(name)))
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture(scope="module")
 def content():
     return ulog(*topics())
