@@ -122,6 +122,10 @@ def compare(
     if 0 < len(without) < len(laws):
         forces = f"without the forces of `model` (`known_forces: false`): {', '.join(without)}"
         between = [*between, forces]
+    inner = {titles[x]: one.described.inner.get(law, "") for x, (one, law) in laws.items()}
+    if len({*inner.values()}) > 1:
+        blocks = ", ".join(f"{law} ({kinds or 'none'})" for law, kinds in inner.items())
+        between = [*between, f"not shared, inner blocks between law and actuators: {blocks}"]
     return Comparison(
         title=result.title if second is None else " and ".join(names),
         group=result.group_name,

@@ -26,6 +26,9 @@ INERTIA = "plant.inertia"
 FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 """Keys of the lists of forces and of actuators, and of the clock of the law."""
 
+INNER = "inner"
+"""Key of the list of blocks that belong to one law, within its entry."""
+
 SIGNALS = "pose", "velocity", "magnetometer", "accelerometer"
 """Names of what is measured."""
 
@@ -69,6 +72,8 @@ class Vehicle:
         Forces that act beside the actuators.
     actuators
         Actuators in the order in which a command passes them.
+    inner
+        How many of these, the first, are blocks of the law that flies it; all laws share the rest.
     control
         Tick of the loop and clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
@@ -98,13 +103,15 @@ class Vehicle:
     more_sensors: tuple[tuple[Sensor, ...], ...] = field(
         default=((), ()), kw_only=True, metadata=STRUCTURE
     )
+    inner: int = field(default=0, kw_only=True, metadata=STRUCTURE)
 
     # The parts and their numbers.
 
     @cached_property
     def parts(self) -> dict[str, Any]:
         """All parts by their places in a configuration."""
-        lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
+        lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces}
+        lists |= {INNER: self.actuators[: self.inner], ACTUATORS: self.actuators[self.inner :]}
         lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
         lists |= dict(zip((FLUX, FELT), self.more_sensors, strict=True))
         parts: dict[str, Any] = {INERTIA: self.inertia}
@@ -147,7 +154,7 @@ class Vehicle:
             self,
             inertia=inertia,
             forces=in_currents(G, acting, true) if acting else (),
-            actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
+            actuators=tuple(flying(place_of(self, k)) for k in range(len(self.actuators))),
             moving_sensors=tuple(
                 flying(f"{signal}[{k}]")
                 for signal, sensors in ((VELOCITY, self.velocity_sensors), (FELT, felt))
@@ -171,13 +178,6 @@ class Vehicle:
     def magnet(self) -> Any:
         """The actuator with `in_body`, the magnetic field in the body; None without one."""
         return next((part for part in self.actuators if hasattr(part, "in_body")), None)
-
-    def pushes(self, G: MatrixLieGroup) -> Array | None:
-        """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
-        for actuator in self.actuators:
-            if THRUSTER in actuator.members and G.translation is not None:
-                return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
-        return None
 
     # Measurements.
 
@@ -283,14 +283,6 @@ class Vehicle:
     def is_ideal(self) -> bool:
         """Whether the law's model is exact and its command the only force on the plant."""
         return not self.parts
-
-    @property
-    def is_direct(self) -> bool:
-        """Whether forces are all that acts beside the command: it arrives, of the true state."""
-        if self.inertia or self.control or self.measures or self.estimator:
-            return False
-        bare = (not (a.limits or a.moves or a.changes) for a in self.actuators)
-        return all(bare) and all(THRUSTER in a.members for a in self.actuators)
 
     @property
     def departures(self) -> str:
@@ -415,6 +407,50 @@ class Vehicle:
         if self.inertia is None:
             return s.inertia
         return self.inertia.at(s.inertia, s.t)
+
+
+# What is asked of a vehicle -----------------------------------------------------------------------
+
+
+def place_of(vehicle: Vehicle, index: int) -> str:
+    """Return the place of an actuator: ``actuators[0]``, or ``inner[0]`` of the law's entry."""
+    if index < vehicle.inner:
+        return f"{INNER}[{index}]"
+    return f"{ACTUATORS}[{index - vehicle.inner}]"
+
+
+def with_inner(vehicle: Vehicle, blocks: Sequence[Actuator], G: MatrixLieGroup) -> Vehicle:
+    """Return the vehicle as a law flies it that puts blocks of its own before the actuators."""
+    if not blocks:
+        return vehicle
+    base = vehicle.configured or vehicle
+    chain = *blocks, *base.actuators
+    return dataclasses.replace(base, actuators=chain, inner=len(blocks)).of_run(G)
+
+
+def without_inner(vehicle: Vehicle) -> Vehicle:
+    """Return what all laws share of the vehicle of one."""
+    base, rest = vehicle.configured, vehicle.actuators[vehicle.inner :]
+    if not vehicle.inner:
+        return vehicle
+    configured = None if base is None else without_inner(base)
+    return dataclasses.replace(vehicle, actuators=rest, inner=0, configured=configured)
+
+
+def is_direct(vehicle: Vehicle) -> bool:
+    """Whether forces are all that acts beside the command: it arrives, of the true state."""
+    if vehicle.inertia or vehicle.control or vehicle.measures or vehicle.estimator:
+        return False
+    bare = (not (a.limits or a.moves or a.changes) for a in vehicle.actuators)
+    return all(bare) and all(THRUSTER in a.members for a in vehicle.actuators)
+
+
+def pushes(vehicle: Vehicle, G: MatrixLieGroup) -> Array | None:
+    """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
+    for actuator in vehicle.actuators:
+        if THRUSTER in actuator.members and G.translation is not None:
+            return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
+    return None
 
 
 def taking_thrusts(vehicle: Vehicle) -> Any:

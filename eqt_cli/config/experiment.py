@@ -23,7 +23,7 @@ from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, sho
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import THRUSTER, distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
-from eqt_cli.components.actuators import THRUSTS, nominal
+from eqt_cli.components.actuators import THRUSTS, Actuator, nominal
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
@@ -51,7 +51,15 @@ from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.pose_tables import MAPPING, LogMapping, MappingError, read_starts
 from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.tasks import task_of
-from eqt_cli.components.vehicle import ACTUATORS, Vehicle
+from eqt_cli.components.vehicle import (
+    ACTUATORS,
+    INNER,
+    Vehicle,
+    is_direct,
+    pushes,
+    with_inner,
+    without_inner,
+)
 from eqt_cli.config import schema, sections
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
 from eqt_cli.config.schema import Config, GainsSection
@@ -116,8 +124,13 @@ class Experiment:
 
     @property
     def loop(self) -> ClosedLoop:
-        """The loop of the first law; all have the same group, reference and vehicle."""
+        """The loop of the first law; all have the same group and reference."""
         return next(iter(self.loops.values()))
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """The vehicle that all laws share, without the blocks of any."""
+        return without_inner(self.loop.vehicle)
 
     @property
     def metrics(self) -> list[Metric]:
@@ -322,6 +335,8 @@ class Law:
         Its own gains, as `kp` and `kd`.
     known_forces
         Whether it takes the forces of `model` into account.
+    inner
+        The blocks of its own between its command and the actuators.
     written
         The names of the options that are written.
     files, code
@@ -334,6 +349,7 @@ class Law:
     index: int
     gains: dict[str, Any]
     known_forces: bool
+    inner: tuple[Actuator, ...]
     written: tuple[str, ...]
     files: dict[str, str]
     code: dict[str, str]
@@ -348,9 +364,11 @@ class Law:
     @property
     def resolved(self) -> dict[str, Any]:
         """The entry; options that follow the gains stay away, and follow them again."""
-        section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+        options = as_section(self.law).items()
+        section = {name: value for name, value in options if name not in self.followed}
+        section |= {"gains": self.gains} if self.gains else {}
         section |= {} if self.known_forces else {"known_forces": False}
-        return {name: value for name, value in section.items() if name not in self.followed}
+        return section | ({INNER: [as_section(one) for one in self.inner]} if self.inner else {})
 
 
 class LastPoint:
@@ -424,6 +442,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         lambda: sections.vehicle_from(config, G, problems, inertia),
         *(getattr(config, name) for name in schema.marked(schema.VEHICLE)),
         *(inertia, time),
+        *(part for _, part in sections.inner_clocks(config, problems)),
     )
     if vehicle.control is None:
         calls = config.solver.is_auto or not isinstance(config.solver.engine, Compiled)
@@ -579,7 +598,8 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             here.add(f"{held}; give this one another `label`{also}")
         else:
             gains = sections.kp_and_kd(entry.gains, gains_group(law, G), here.at("gains"))
-            laws[label] = Law(law, index, gains, entry.known_forces, entry.written, files, code)
+            keys = gains, entry.known_forces, entry.inner, entry.written
+            laws[label] = Law(law, index, *keys, files, code)
     return laws
 
 
@@ -646,15 +666,15 @@ def with_model(
 
     Its allocation is that of the directions in which the law commands a torque.
     """
-    laws, pushes, directions = dict(laws), vehicle.pushes(G), list[Any]()
+    laws, pushed, directions = dict(laws), pushes(vehicle, G), list[Any]()
     vehicles = dict[str, Vehicle]()
     acts, model = config.plant, config.model
     acting = acts is not None and acts.forces and not (model and model.forces == "plant")
     plant = PlantModel(
         inertia,
         known,
-        pushes,
-        vehicle.is_direct and not acting,
+        pushed,
+        is_direct(vehicle) and not acting,
         config.time.duration,
         desired.reference.flat_output(G, 0.0),
         None,
@@ -665,19 +685,19 @@ def with_model(
     )
     for label, entry in laws.items():
         here = problems.at("controllers", entry.index)
+        flown = with_inner(vehicle, entry.inner, G)
         of_law = plant if entry.known_forces else plant._replace(forces=())
+        if flown is not vehicle:
+            exact = is_direct(flown) and not acting
+            of_law = of_law._replace(exact=exact, actuators=_known(G, flown), vehicle=flown)
+            sections.check_inner(flown, here.at(INNER), problems.at(ACTUATORS))
         of_law = of_law._replace(follows=dict.fromkeys(entry.followed, gains[label]))
         laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
-        vehicles[label] = flown = commanded(laws[label].law, G, vehicle, problems)
-        if flown is not vehicle and not problems:  # what its limits leave depends on that
+        vehicles[label] = flown = commanded(laws[label].law, G, flown, here, problems)
+        if flown is not of_law.vehicle and not problems:  # what its limits leave depends on that
             of_law = of_law._replace(actuators=_known(G, flown), vehicle=flown)
             laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
-        takes = next((a.takes for a in flown.actuators if a.takes != "torque"), "torque")
-        commands = laws[label].law.commands
-        if commands and commands != takes:
-            which = takes if commands == "torque" else commands
-            put = f"only {TAKEN_BY[which]} takes {which}"
-            here.add(f"commands {commands}, and actuators take {takes}; {put}")
+        _check_taken(laws[label].law, flown, here)
         outer = laws[label].law.formula
         push = outer.direction if isinstance(outer, OuterLoop) else ()
         directions.append(push)
@@ -685,8 +705,8 @@ def with_model(
     if problems:
         return laws, vehicles, desired
     along = next(filter(None, directions), None)
-    if along is None and pushes is not None:
-        along = only_direction(pushes)
+    if along is None and pushed is not None:
+        along = only_direction(pushed)
     plant = plant._replace(along=along)
     reference = desired.reference.for_plant(G, plant, problems.at("reference"))
     if reference is not desired.reference:
@@ -695,12 +715,27 @@ def with_model(
     return laws, vehicles, desired
 
 
+def _check_taken(law: Controller, vehicle: Vehicle, problems: Problems) -> None:
+    """Note a law that commands something else than its blocks or the actuators take."""
+    takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
+    if not law.commands or law.commands == takes:
+        return
+    which = takes if law.commands == "torque" else law.commands
+    put = f"only {TAKEN_BY[which]} takes {which}"
+    if which == "rates":
+        put += ", in `inner` of each law that commands rates, or in `actuators` for all laws"
+    taking = "its blocks" if takes == "rates" and vehicle.inner else "actuators"
+    problems.add(f"commands {law.commands}, and {taking} take {takes}; {put}")
+
+
 def _known(G: MatrixLieGroup, vehicle: Vehicle) -> tuple[Any, ...]:
     """Return the actuators as laws know them: of the means, without failures."""
     return tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators)
 
 
-def commanded(law: Controller, G: MatrixLieGroup, vehicle: Vehicle, problems: Problems) -> Vehicle:
+def commanded(
+    law: Controller, G: MatrixLieGroup, vehicle: Vehicle, at_law: Problems, problems: Problems
+) -> Vehicle:
     """Return the vehicle whose thrusters are allocated, or commanded, as a law asks for it."""
     if problems:
         return vehicle
@@ -710,9 +745,11 @@ def commanded(law: Controller, G: MatrixLieGroup, vehicle: Vehicle, problems: Pr
         if THRUSTER not in part.members:
             continue
         actuators[index] = part = part.commanded(G, directions, direct)
-        here = problems.at(ACTUATORS, index)
+        here = problems.at(ACTUATORS, index - base.inner)
         part.check_order(G, here.at("allocation", "order"))
-        if direct and index:
+        if direct and base.inner:
+            at_law.at(INNER).add("the law commands thrusts, which pass no blocks; remove this key")
+        elif direct and index:
             here.add(
                 "a law commands their thrusts, which pass no other actuator before them; list them "
                 "first"

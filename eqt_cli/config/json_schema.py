@@ -19,6 +19,7 @@ from eqt_cli.base.option_types import Kind, Scale, has_options, option_names, ow
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.base.reporting import listed
 from eqt_cli.components.groups import groups
+from eqt_cli.components.vehicle import INNER
 from eqt_cli.config.designs import BLOCK, designs
 from eqt_cli.config.schema import Config, GainsSection, not_swept
 from eqt_cli.engines.choice import AUTO
@@ -77,6 +78,10 @@ def json_schema() -> dict[str, Any]:
     one = {"$ref": "#/$defs/PoseDistribution"}
     pose["anyOf"] = [one, {"type": "array", "items": one}]
     top["gains"]["anyOf"][0]["minProperties"] = 2
+    shared["Actuators"], blocks = top["actuators"]["anyOf"][0], {"$ref": "#/$defs/Actuators"}
+    top["actuators"]["anyOf"][0] = blocks
+    for law in top["controllers"]["items"]["anyOf"][1:]:
+        law["properties"][INNER] |= blocks
     del top["reference"]["default"], top["reference"]["title"]
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)

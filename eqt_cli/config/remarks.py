@@ -19,7 +19,7 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
-from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle import ACTUATORS, without_inner
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem, Work
 from eqt_cli.engines.horizon import Horizon
@@ -130,7 +130,7 @@ def _actuator_remarks(experiment: Experiment) -> Placed:
         alike.setdefault(rows, []).append(label)
     texts = dict[tuple[int, str], list[str]]()
     for rows, labels in alike.items():
-        parts = experiment.loops[labels[0]].vehicle.actuators
+        parts = without_inner(experiment.loops[labels[0]].vehicle).actuators
         for index, actuator in enumerate(parts if rows else ()):
             for text in actuator.remarks(G, np.array(rows)):
                 texts.setdefault((index, f"{actuator.name} {text}"), []).extend(labels)
@@ -566,7 +566,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     Numbers that are drawn for each run have their mean values.
     """
     loop = experiment.loop
-    if not loop.vehicle.limits:
+    if not experiment.vehicle.limits:
         return
     shown = shown or experiment.reference_over_horizon()
     torque = shown.torque - _forces_along(loop, shown)
@@ -575,7 +575,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
         needs = f"the reference, with the forces of the plant, needs {wheels.in_words}"
         yield (ACTUATORS,), f"{needs}; no law can follow it there"
-    for index, actuator in enumerate(loop.vehicle.actuators):
+    for index, actuator in enumerate(experiment.vehicle.actuators):
         demand = actuator.needed(loop.group, times, torque) if actuator.limits else None
         if demand is None or not len(demand[0]):
             continue

@@ -77,6 +77,7 @@ from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.tasks import Point
+from eqt_cli.components.vehicle import INNER
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number, PartKind, periods_in
 from eqt_cli.config.designs import DrawnRange
@@ -123,6 +124,27 @@ KnownForce = Annotated[AnyForce, WithJsonSchema({})]  # its keys are those of `p
 AnyActuator = Annotated[Actuator, PartKind(actuators)]
 
 
+class _InnerKind(PartKind):
+    """Marks a block that belongs to one law, as its firmware does: all runs have the same."""
+
+    def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
+        """Return the block; hardware, which all laws share, and numbers that are drawn are none."""
+        block = super().checked(value, problems, group)
+        if block is None or problems:
+            return block
+        if block.members or block.takes not in ("torque", "rates"):
+            problems.add(f"{block.name} is hardware, which all laws share; move it to `actuators`")
+        elif block.varies:
+            problems.add(
+                f"{block.name} has numbers that runs draw, and a law computes with the same ones "
+                "in all runs; give its mean here, and draw numbers of parts in `actuators`"
+            )
+        return block
+
+
+InnerBlock = Annotated[Actuator, _InnerKind(actuators)]
+
+
 class _FeltKind(PartKind):
     """Marks an error of an accelerometer, which is of the position alone."""
 
@@ -155,6 +177,8 @@ class LawEntry:
         Its own gains, if it has any.
     known_forces
         Whether it takes the forces of `model` into account.
+    inner
+        The blocks that its command passes before the actuators that all laws share.
     written
         The names of the options that are written.
     """
@@ -163,13 +187,14 @@ class LawEntry:
     label: Any
     gains: "GainsSection | None"
     known_forces: bool
+    inner: tuple[Actuator, ...]
     written: tuple[str, ...]
 
 
 class LawKind(Kind):
     """An entry of `controllers`: a law, and what an entry says of it besides its options."""
 
-    of_every_law: ClassVar = ("label", "gains", "known_forces")
+    of_every_law: ClassVar = ("label", "gains", "known_forces", INNER)
     """The keys that no law has for itself."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> LawEntry | None:
@@ -177,6 +202,7 @@ class LawKind(Kind):
         options = dict(value) if isinstance(value, dict) else {}
         label, gains = options.pop("label", None), options.pop("gains", None)
         known = validated(bool, options.pop("known_forces", True), problems.at("known_forces"))
+        inner = validated(list[InnerBlock], options.pop(INNER, []), problems.at(INNER), group=group)
         named = options if isinstance(value, dict) else value
         law: Controller | None = self.read(named, problems, group, self.of_every_law)
         if law is not None and group is not None and not law.files:
@@ -184,7 +210,9 @@ class LawKind(Kind):
         if gains is not None:
             of = None if law is None or group is None else gains_group(law, group)
             gains = validated(GainsSection, gains, problems.at("gains"), group=of)
-        return None if law is None else LawEntry(law, label, gains, known, tuple(options))
+        if law is None:
+            return None
+        return LawEntry(law, label, gains, known, tuple(inner or ()), tuple(options))
 
     def section(self, made: LawEntry) -> dict[str, Any]:
         """Return the law with every option."""
@@ -195,12 +223,14 @@ class LawKind(Kind):
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
         known = "Whether the law counteracts the forces of `model`; default: true."
+        inner = "Blocks of this law alone that its command passes before `actuators`, in order."
         section: Any = {**TypeAdapter(GainsSection).core_schema, "ref": GainsSection.__name__}
         shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
         more = {
             "label": {"type": "string", "description": label},
             "gains": shared | {"description": gains},
             "known_forces": {"type": "boolean", "description": known},
+            INNER: {"description": inner},
         }
         return super().mapping(component, handler, **more)
 

@@ -33,7 +33,7 @@ from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
 from eqt_cli.components.tasks import Point, task_of
-from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
+from eqt_cli.components.vehicle import ACTUATORS, CONTROL, INNER, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
 from eqt_cli.config.document import Place, with_data
@@ -575,7 +575,8 @@ def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
         return True
     section, _, option = key.partition(".")
     name, control = option.rpartition(".")[2], vehicle.control
-    if section.partition("[")[0] not in (CONTROL, "sensors", ACTUATORS) or control is None:
+    clocked = CONTROL, "sensors", ACTUATORS, "controllers"
+    if section.partition("[")[0] not in clocked or control is None:
         return False
     if name == "period":
         if section == CONTROL:
@@ -610,6 +611,7 @@ def vehicle_from(
     field = sensing["magnetometer"]
     field[:] = [replace(sensor, of=G.parts[0].name) for sensor in field]
     entries: list[Entry] = [(at_actuators.at(k), part) for k, part in enumerate(acting)]
+    entries += inner_clocks(config, problems)
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in enumerate(errors)]
     vehicle = Vehicle(
@@ -644,6 +646,37 @@ def vehicle_from(
 
 Entry = tuple[Problems, Sensor | Actuator]
 """A sensor or an actuator, with its place."""
+
+
+def inner_clocks(config: Config, problems: Problems) -> list[Entry]:
+    """Return the blocks of all laws that have clocks of their own."""
+    return [
+        (problems.at("controllers", index, INNER, k), block)
+        for index, entry in enumerate(config.controllers)
+        for k, block in enumerate(entry.inner)
+        if block.period is not None or block.offset is not None
+    ]
+
+
+def check_inner(vehicle: Vehicle, problems: Problems, at_actuators: Problems) -> None:
+    """Note blocks of a law that cannot stand where they do, before the actuators of all laws."""
+    parts, count = (vehicle.configured or vehicle).actuators, vehicle.inner
+    _check_order(parts[:count], vehicle.control is None, problems)
+    if problems:
+        return
+    rates = [index for index, part in enumerate(parts) if part.takes == "rates"]
+    if len(rates) > 1:
+        problems.at(rates[0]).add(
+            f"makes a torque of rates, and so does {at_actuators.at(rates[1] - count).path}; "
+            "remove one of the two"
+        )
+    moving = next((part.name for part in parts[:count] if part.moves or part.changes), "")
+    for index, part in enumerate(parts[count:] if moving else ()):
+        if part.sampled or part.period is not None:
+            problems.add(
+                f"{at_actuators.at(index).path}, {part.name}, acts on a held command, and {moving} "
+                "changes it at all times; fly this law on a vehicle without that actuator"
+            )
 
 
 def _sampling(

@@ -17,7 +17,7 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.yaml_source import parse_value
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import INNER, Vehicle
 from eqt_cli.config.designs import EXPECTED, Sweep
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment, LastPoint, digest_of, hashes, numeric, renamed
@@ -215,7 +215,8 @@ class Study:
         """Vehicles at the first point of each shape; all pieces have the same metrics."""
         if self.whole is not None:
             return self.whole.vehicles
-        return [self.experiment(points[0]).loop.vehicle for points in self.shapes]
+        firsts = (self.experiment(points[0]) for points in self.shapes)
+        return [loop.vehicle for first in firsts for loop in first.loops.values()]
 
     # Storage.
 
@@ -269,7 +270,7 @@ class Study:
 
     def _shapes(self, key: str) -> bool:
         """Whether shapes of arrays can depend on a key."""
-        if self.sweep is None or VEHICLE not in marks_of(key):
+        if self.sweep is None or not (VEHICLE in marks_of(key) or INNER in parse_key(key)):
             return SHAPES in marks_of(key)
         vehicle, values = self.base.loop.vehicle, self.sweep.values_of(key)
         return key not in self.sweep.always or decides_parts(key, values, vehicle)

@@ -38,6 +38,7 @@ from eqt_cli.components.tasks import TRACK, Task
 from eqt_cli.components.vehicle import (
     COMMANDS,
     CONTROL,
+    INNER,
     LOST,
     SIGNALS,
     Vehicle,
@@ -636,9 +637,10 @@ def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
         LoopPart(group, ("group",), f"group '{group.name}'"),
     ]
     for place, part in loop.vehicle.parts.items():
-        name = f"'{place}'"
+        name, path = f"'{place}'", parse_key(place)
+        path = ("controllers", index, *path) if path[0] == INNER else path
         for kind in (Force, Actuator, Sensor, Estimator):
             if isinstance(part, kind):
                 name = f"{kind.__name__.lower()} '{part.name}'"
-        parts.append(LoopPart(part, parse_key(place), name))
+        parts.append(LoopPart(part, path, name))
     return parts

@@ -16,7 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
-from eqt_cli.components.actuators import Actuator, nominal
+from eqt_cli.components.actuators import nominal
 from eqt_cli.components.laws import (
     CountsInstants,
     Designed,
@@ -30,12 +30,12 @@ from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import (
-    ACTUATORS,
     CLOCKS,
     CONTROL,
     ESTIMATOR,
     PROPELLANT,
     Vehicle,
+    place_of,
     requested_torque,
 )
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
@@ -909,15 +909,16 @@ class LeftOut(NamedTuple):
     destabilises: bool = True
 
 
-def _left_out_of(actuators: Sequence[Actuator]) -> Iterator[LeftOut]:
+def _left_out_of(vehicle: Vehicle) -> Iterator[LeftOut]:
     """Yield the parts of actuators that a linearised loop leaves out."""
-    for index, actuator in enumerate(actuators):
+    for index, actuator in enumerate(vehicle.actuators):
+        place = place_of(vehicle, index)
         if getattr(actuator, "time_constant_down", None) is not None:
-            yield LeftOut(f"{ACTUATORS}[{index}] (the shorter of its two time constants)")
+            yield LeftOut(f"{place} (the shorter of its two time constants)")
         if actuator.linear_part is not actuator or actuator.limits:
             what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
             # At a limit no loop is pushed harder: what grows from small errors, grows.
-            yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
+            yield LeftOut(f"{place} ({what}{actuator.departs})", not actuator.limits)
 
 
 def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[LeftOut]:
@@ -925,7 +926,7 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
     vehicle = loop.vehicle
     if free := loop.task.words(loop.gains):
         yield LeftOut(f"{free} (task: {loop.task.kind} leaves it)", False, False)
-    yield from _left_out_of(vehicle.actuators)
+    yield from _left_out_of(vehicle)
     if isinstance(loop.controller, ReadsLimits) and loop.controller.acting:
         yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():

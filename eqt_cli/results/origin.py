@@ -123,6 +123,8 @@ class Experiment(BaseModel):
         and damping are not those of the gains.
     without_forces
         Labels of the laws whose entries leave out the forces of the model.
+    inner
+        The blocks of their own that laws have before the actuators, in words, by label.
     small_errors
         Stiffness, damping and poles at rest of the laws for which they are known, by label.
     rtol
@@ -160,6 +162,7 @@ class Experiment(BaseModel):
     unclaimed: list[str] = []
     not_matched: list[str] = []
     without_forces: list[str] = []
+    inner: dict[str, Words] = {}
     small_errors: dict[str, SmallErrors] = {}
     rtol: FiniteFloat | None = None
     seed: int = 0

@@ -34,6 +34,7 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
         "window": (window.get("start") or 0.0, window.get("stop")),
         "down": any(up[-1] == -max(map(abs, up)) < 0 for up in known),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
+        "inner": _inner(config),
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],
         "signal_path": path,
@@ -44,6 +45,12 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
             for thruster in next(filter(None, rows), ())
         ],
     }
+
+
+def _inner(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return the kinds of the blocks that laws have for themselves, by label."""
+    blocks = {entry["label"]: _kinds(entry.get("inner")) for entry in config["controllers"]}
+    return {label: ", ".join(kinds) for label, kinds in blocks.items() if kinds}
 
 
 def _mean(number: Any) -> float:
@@ -78,6 +85,9 @@ def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
         if delay := control.get("delay"):
             stages[-1] += f", delay {delay}"
             departures[-1] += f", {_late(delay)}"
+    for label, kinds in _inner(config).items():
+        stages.append(f"{kinds} of {label}")
+        departures.append(f"inner blocks of {label}: {kinds}")
     if actuators := _kinds(config.get("actuators")):
         stages += actuators
         departures.append(f"actuators: {', '.join(actuators)}")

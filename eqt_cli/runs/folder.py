@@ -339,21 +339,21 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     ----------
     vehicles
         Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
-        the vehicle of the experiment.
+        those of the experiment.
 
     Raises
     ------
     ComponentError
         If a metric of the user's own has the name of another variable.
     """
-    vehicle = experiment.loop.vehicle
+    vehicle, flown = experiment.vehicle, [loop.vehicle for loop in experiment.loops.values()]
     formulas = formulas_of(vehicle)
     # Points whose actuators show other signals have different shapes.
     shown = [over_time(signal) for signal in vehicle.shows.values() if signal.words]
     variables = list[Measure]()
     for row in (*QUANTITIES.values(), *shown, *map(own_row, experiment.metrics)):
         signal = formulas.get(row.signals[0]) if row.signals else None
-        if _is_stored(row, signal, experiment, vehicles or [vehicle]):
+        if _is_stored(row, signal, experiment, vehicles or flown):
             _check_name(row, variables, experiment.group)
             variables += _variables(row, signal, experiment, formulas)
     return variables
@@ -621,7 +621,9 @@ def _sizes(variables: Mapping[str, Variable]) -> dict[str, int]:
 def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:
     """Return what readers show of an experiment, in JSON; a swept tolerance is none."""
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
-    about = description(config, experiment.loop.vehicle.departures) | {
+    vehicles = [loop.vehicle for loop in experiment.loops.values()]
+    departures = dict.fromkeys(part.departs for one in vehicles for part in one.parts.values())
+    about = description(config, ", ".join(departures)) | {
         "titles": experiment.titles,
         "exact": exactly_measured(experiment.group, experiment.loop.vehicle),
         "decimate": experiment.config.store.decimate,
@@ -637,7 +639,9 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     if not swept & {"controllers", "gains", "group", "inertia", "reference", "time"}:
         flown = gains_flown(experiment)
         about["small_errors"] = {label: errors.model_dump() for label, errors in flown.items()}
-    about |= {} if swept & {"control", "actuators"} else {"holds": holds(experiment.loop.vehicle)}
+    held = [holds(vehicle) for vehicle in vehicles]
+    of_all = {name: each for name, each in held[0].items() if all(name in one for one in held)}
+    about |= {} if swept & {"control", "actuators"} else {"holds": of_all}
     return json.dumps(about, ensure_ascii=False)
 
 

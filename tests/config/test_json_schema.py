@@ -71,10 +71,13 @@ def kinds(place):
     }
 
 
+OF_LAWS = {"label", "gains", "known_forces", "inner"}
+
+
 @pytest.mark.parametrize(
     ("registry", "path", "common"),
     [
-        (controllers, ["properties", "controllers", "items"], {"label", "gains", "known_forces"}),
+        (controllers, ["properties", "controllers", "items"], OF_LAWS),
         (references, ["properties", "reference"], set()),  # each says what it starts from
         (pose_distributions, ["$defs", "PoseDistribution"], set()),
         (velocity_distributions, ["$defs", "InitialSection", "properties", "velocity"], set()),

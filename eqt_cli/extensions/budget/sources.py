@@ -107,7 +107,8 @@ def without(loop: ClosedLoop, keys: Collection[str]) -> ClosedLoop:
 
     def left(kind: str, parts: tuple[Any, ...]) -> tuple[Any, ...]:
         off = _OFF[kind]
-        parts = tuple(off(x) if f"{kind}[{k}]" in keys else x for k, x in enumerate(parts))
+        first = vehicle.inner if kind == ACTUATORS else 0
+        parts = tuple(off(x) if f"{kind}[{k - first}]" in keys else x for k, x in enumerate(parts))
         late = {option: None for option in TIMING if f"{kind}.{option}" in keys}
         return tuple(with_fields(part, **late) for part in parts) if late else parts
 

@@ -17,6 +17,7 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, Tracking
 from eqt_cli.components.motions import PlantModel, check_rigid_body
+from eqt_cli.components.vehicle import place_of
 from eqt_cli.numbers.leaves import with_fields
 
 INNER = "law_"
@@ -120,8 +121,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             unlike = part.limits and part.allowed(G, np.zeros(G.dimension)) is None
             if unlike or getattr(part, "rubbing", None) is not None:
                 problems.add(
-                    f"cannot know what actuators[{index}], {part.name}, leaves of its command; use "
-                    "a limit, or thrusters without allocation: bounded, and no friction"
+                    f"cannot know what {place_of(plant.vehicle, index)}, {part.name}, leaves of "
+                    "its command; use a limit, or thrusters without allocation: bounded, and "
+                    "no friction"
                 )
         return with_fields(
             self,

@@ -18,7 +18,7 @@ from eqt_cli.base.errors import KeyPath
 from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.groups import command_axes
 from eqt_cli.components.laws import OuterLoop
-from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle import ACTUATORS, without_inner
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
 
@@ -153,7 +153,7 @@ def members_of(experiment: Experiment) -> Iterator[Members]:
     directions = max((loop.controller.directions(G) for loop in loops), key=len)
     directions = directions if len(directions) else np.eye(G.dimension)  # a design asks in none
     pushes = isinstance(experiment.loop.controller.formula, OuterLoop)
-    for index, part in enumerate(experiment.loop.vehicle.actuators):
+    for index, part in enumerate(experiment.vehicle.actuators):
         B = getattr(part, "matrix", None)
         if B is None or getattr(part, "low", getattr(part, "limit", None)) is None:
             continue
@@ -242,7 +242,7 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
         cut = [
             experiment.titles[label]
             for label, loop in experiment.loops.items()
-            if replace(each, part=loop.vehicle.actuators[each.index]).is_cut
+            if replace(each, part=without_inner(loop.vehicle).actuators[each.index]).is_cut
         ]
         if cut:
             yield (

@@ -77,7 +77,7 @@ def _in_ms(value: float) -> str:
 def _of_another_unit(experiment: Experiment) -> Placed:
     """Yield numbers with which thrusters or wheels would do what no vehicle does."""
     inverse, written_parts = experiment.loop.inertia.at(0.0).inverse, experiment.config.actuators
-    for index, part in enumerate(experiment.loop.vehicle.actuators):
+    for index, part in enumerate(experiment.vehicle.actuators):
         if part.name == "wheels":
             yield from _of_wheels((ACTUATORS, index), part, inverse)
     for each in members_of(experiment):
@@ -128,7 +128,7 @@ def _of_wheels(key: KeyPath, part: Any, inverse: Array) -> Placed:
 
 def _unread_momentum(experiment: Experiment) -> Placed:
     """Yield the anti-windup of laws beside wheels whose momentum it does not read."""
-    wheels = [x for x in experiment.loop.vehicle.actuators if x.name == "wheels" and x.sampled]
+    wheels = [x for x in experiment.vehicle.actuators if x.name == "wheels" and x.sampled]
     for law in experiment.laws.values() if wheels else ():
         if getattr(law.law, "anti_windup", "none") != "none":
             yield (
