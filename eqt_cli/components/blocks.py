@@ -684,11 +684,11 @@ def at_start(now: Now) -> dict[str, Array]:
     states, passed = dict[str, Array](), now[COMMAND]
     for block in now.blocks.actuated:
         part = now[f"{block.name}.at"]
-        if part.takes == "rates":
+        if isinstance(part, Running) and part.runs:
+            states[block.name] = part.running(now.s.G, passed)
+        elif part.takes == "rates" or not block.stretches:
             x = now.after(block.name)
             passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
-        elif isinstance(part, Running) and part.runs:
-            states[block.name] = part.running(now.s.G, passed)
         if block.taken in block.stretches:
             states[block.taken] = now[COMMAND][..., : now.s.vehicle[block.taken].shape[-1]]
     if (queue := now.s.vehicle.get(COMMANDS)) is not None:

@@ -721,10 +721,15 @@ def _check_taken(law: Controller, vehicle: Vehicle, problems: Problems) -> None:
     if not law.commands or law.commands == takes:
         return
     which = takes if law.commands == "torque" else law.commands
-    put = f"only {TAKEN_BY[which]} takes {which}"
-    if which == "rates":
-        put += ", in `inner` of each law that commands rates, or in `actuators` for all laws"
-    taking = "its blocks" if takes == "rates" and vehicle.inner else "actuators"
+    put, taking = f"only {TAKEN_BY[which]} takes {which}", "actuators"
+    if law.commands == "rates":
+        put += "; list it in `inner` of this law, or in `actuators` for all laws"
+    elif takes == "rates" and any(
+        part.takes == takes for part in vehicle.actuators[: vehicle.inner]
+    ):
+        put, taking = "remove rate_loop from `inner`, or choose a law that commands rates", "blocks"
+    elif takes == "rates":
+        put = "move rate_loop from `actuators` to `inner` of each law that commands rates"
     problems.add(f"commands {law.commands}, and {taking} take {takes}; {put}")
 
 

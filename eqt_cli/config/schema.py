@@ -202,7 +202,9 @@ class LawKind(Kind):
         options = dict(value) if isinstance(value, dict) else {}
         label, gains = options.pop("label", None), options.pop("gains", None)
         known = validated(bool, options.pop("known_forces", True), problems.at("known_forces"))
-        inner = validated(list[InnerBlock], options.pop(INNER, []), problems.at(INNER), group=group)
+        inner = validated(
+            list[InnerBlock], options.pop(INNER, None) or [], problems.at(INNER), group=group
+        )
         named = options if isinstance(value, dict) else value
         law: Controller | None = self.read(named, problems, group, self.of_every_law)
         if law is not None and group is not None and not law.files:
@@ -976,7 +978,8 @@ class Config(Section):
     model
         The forces that laws know, and counteract.
     controllers
-        Control laws to compare, from the same initial states (`eqt list controllers`).
+        Control laws to compare, from the same initial states (`eqt list controllers`); each may
+        have its own `label`, `gains`, `known_forces`, and `inner`, the blocks of its firmware.
     plant
         The plant, where it differs from what the laws know: `inertia`, and `forces`.
     actuators

@@ -665,11 +665,10 @@ def check_inner(vehicle: Vehicle, problems: Problems, at_actuators: Problems) ->
     if problems:
         return
     rates = [index for index, part in enumerate(parts) if part.takes == "rates"]
-    if len(rates) > 1:
-        problems.at(rates[0]).add(
-            f"makes a torque of rates, and so does {at_actuators.at(rates[1] - count).path}; "
-            "remove one of the two"
-        )
+    if len(rates) > 1 and rates[0] < count:
+        k = rates[1]
+        other = (at_actuators.at(k - count) if k >= count else problems.at(k)).path
+        problems.at(rates[0]).add(f"makes a torque of rates, and so does {other}; remove one")
     moving = next((part.name for part in parts[:count] if part.moves or part.changes), "")
     for index, part in enumerate(parts[count:] if moving else ()):
         if part.sampled or part.period is not None:

@@ -39,7 +39,7 @@ from eqt_cli.loop.law_program import (
 )
 from eqt_cli.numbers.program import Program, c_function
 from eqt_cli.numbers.rounded import evaluated
-from eqt_cli.runs.description import loop_in_words
+from eqt_cli.runs.description import description, loop_in_words
 
 # The files of an exported law: its header, its source, and the program that checks them -----------
 
@@ -430,6 +430,7 @@ def readme(laws: Sequence[ExportedLaw]) -> str:
         first=laws[0].name,
         real=laws[0].by.name,
         loop=loop_in_words(experiment.resolved)[1],
+        inner=description(experiment.resolved, "")["inner"],
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
         claim=_claim,
