@@ -263,9 +263,10 @@ def inverse_spd(matrix: Array) -> Array:
     definiteness (Golub and Van Loan, Matrix Computations, 4.2), so that floats and programs have
     the same bits.
     """
-    for entry in matrix.flat if matrix.dtype == object else ():
-        if "inverse" in (table := _symbol_tables.get(type(entry), {})):
-            return table["inverse"](matrix)
+    if matrix.dtype == object:
+        for entry in matrix.flat:
+            if "inverse" in (table := _symbol_tables.get(type(entry), {})):
+                return table["inverse"](matrix)
     n = matrix.shape[-1]
     # A float would spoil fractions.
     identity = np.eye(n, dtype=int if matrix.dtype == object else float)

@@ -325,9 +325,9 @@ def freeze(figure: Figure) -> None:
     # Names stay where they are; Matplotlib would measure all numbers anew for every format.
     for axes in figure.axes:
         axes.apply_aspect()
-    for axes in figure.axes:
-        # The panel of a colour scale gets its place when it is drawn.
-        for scale in (axes.xaxis, axes.yaxis) if axes.get_label() != COLOUR_SCALE else ():
+    # The panel of a colour scale gets its place when it is drawn.
+    for axes in [axes for axes in figure.axes if axes.get_label() != COLOUR_SCALE]:
+        for scale in (axes.xaxis, axes.yaxis):
             hide_crowded(scale)
             place = scale.label.get_transform().transform(scale.label.get_position())
             scale.set_label_coords(*axes.transAxes.inverted().transform(place))

@@ -92,10 +92,11 @@ def sources_of(loop: ClosedLoop) -> Iterator[Source]:
             signal = kind.removeprefix("sensors.")
             words = f"{part.name} of {signal}" if isinstance(part, Sensor) else part.departs
             yield Source(place, words)
-        for option, words in TIMING.items() if isinstance(part, Sensor) else ():
-            if getattr(part, option):
-                key = f"{kind}.{option}"
-                timing[key] = Source(key, f"{words} of {kind.removeprefix('sensors.')}")
+        if isinstance(part, Sensor):
+            for option, words in TIMING.items():
+                if getattr(part, option):
+                    key = f"{kind}.{option}"
+                    timing[key] = Source(key, f"{words} of {kind.removeprefix('sensors.')}")
     yield from timing.values()
     if vehicle.control and vehicle.control.delay:
         yield Source("control.delay", "late commands")

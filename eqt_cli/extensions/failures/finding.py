@@ -221,7 +221,10 @@ def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Findi
 def _finding(known: Known, law: BadRuns, of_ends: int, p_value: float, share: float) -> Finding:
     values = known.ends if of_ends else known.values
     sign = 1.0 if share >= 0.5 else -1.0
-    way = (("low", "high"), ("in the middle", "at both ends"))[of_ends][share >= 0.5]
+    if of_ends:
+        way = "at both ends" if share >= 0.5 else "in the middle"
+    else:
+        way = "high" if share >= 0.5 else "low"
     cut = sign * _cut(sign * values[law.bad], sign * values[law.others])
     beyond = sign * values >= sign * cut
     sides = [

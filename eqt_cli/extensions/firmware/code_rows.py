@@ -513,7 +513,8 @@ def _description(
     signs = limits(loop.group, torque, last, loop.period)
     is_cascade = isinstance(question.loop.controller, OuterLoop)
     is_claimed = is_cascade or _is(question, torque, real, signs)
-    for other in () if is_claimed else _shipped(loop, states):
+    others = [] if is_claimed else _shipped(loop, states)
+    for other in others:
         if all(z.any() for z in other.memory.values()) and _is(other, torque, real, signs):
             behind, apart = (explained(x, torque, real, signs) for x in (other, question))
             said = behind.words or (apart.words if apart.is_complete else "")

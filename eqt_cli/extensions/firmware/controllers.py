@@ -267,12 +267,13 @@ class Output(Signal):
 def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None) -> Array:
     """Return vectors of one frame in another one; numbers stay as they are."""
     block: Any = next((part.entries for part in G.parts if part.turns), None)
-    for frame in (by, to) if to not in (None, by) and block and value.shape[-1] > 1 else ():
-        if frame != "space":
-            pose = x.pose if frame == "body" else x.desired_pose
-            R = pose[(..., *block)] if frame == by else transpose(pose[(..., *block)])
-            vectors = value.reshape(*R.shape[:-2], -1, R.shape[-1])
-            value = apply_matrix(R[..., None, :, :], vectors).reshape(value.shape)
+    if to not in (None, by) and block and value.shape[-1] > 1:
+        for frame in (by, to):
+            if frame != "space":
+                pose = x.pose if frame == "body" else x.desired_pose
+                R = pose[(..., *block)] if frame == by else transpose(pose[(..., *block)])
+                vectors = value.reshape(*R.shape[:-2], -1, R.shape[-1])
+                value = apply_matrix(R[..., None, :, :], vectors).reshape(value.shape)
     return value
 
 
@@ -453,10 +454,11 @@ class Code(_Numbers, RunsCode, Previews):
     def _check_adapter(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note errors of what the code is given, and of what it returns."""
         first = self._first_inputs(G)
-        for name, signal in self.adapter.inputs.items() if self.adapter else ():
-            if not self.code.is_python:
-                _check_name(name, problems.at("inputs", name))
-            signal.check_read(G, first, problems.at("inputs", name))
+        if self.adapter:
+            for name, signal in self.adapter.inputs.items():
+                if not self.code.is_python:
+                    _check_name(name, problems.at("inputs", name))
+                signal.check_read(G, first, problems.at("inputs", name))
         self._adapted.output.check(G, problems.at("output"))
 
     def _check_calls(self, problems: Problems) -> None:
@@ -740,8 +742,8 @@ class Code(_Numbers, RunsCode, Previews):
             at.add(f"{where} has a heading, and the reference gives none; remove it there")
         if self.preview_:
             check_foreseen(plant, problems.at("preview"))
-        for key in ("object", "on_failure") if plant.period is None else ():
-            if getattr(self, key + ("_" if key == "object" else "")):
+        for key, value in (("object", self.object_), ("on_failure", self.on_failure)):
+            if value and plant.period is None:
                 problems.at(key).add("applies at control instants; set control.period")
         can_fail = self.called.code.fails
         if self.on_failure and not can_fail:

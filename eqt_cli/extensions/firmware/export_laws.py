@@ -594,8 +594,9 @@ class ExportedLaw:
     @cached_property
     def allocation(self) -> Allocation | None:
         """The allocation of a torque behind the law, by a matrix or a program; else None."""
-        other = self.adapter or self.loop.controller.commands != "torque"
-        for actuator in () if other else self.loop.vehicle.actuators:
+        if self.adapter or self.loop.controller.commands != "torque":
+            return None
+        for actuator in self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
                 what = (

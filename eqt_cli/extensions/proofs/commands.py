@@ -128,7 +128,8 @@ def verify(
     said = [each["answer"] for each in code_answers]
     print_findings(findings, *said, *_pieces(result, verbose=verbose), json=json)
     causes = said or result.causes(result.experiment.titles)
-    for cause in causes if quiet and not json else ():
+    only_complaints = causes if quiet and not json else []
+    for cause in only_complaints:
         complain(f"eqt: {target}: {cause}")
     if result.failed_runs:
         raise typer.Exit(3)

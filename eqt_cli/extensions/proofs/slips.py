@@ -129,13 +129,15 @@ def _of_wheels(key: KeyPath, part: Any, inverse: Array) -> Placed:
 def _unread_momentum(experiment: Experiment) -> Placed:
     """Yield the anti-windup of laws beside wheels whose momentum it does not read."""
     wheels = [x for x in experiment.vehicle.actuators if x.name == "wheels" and x.sampled]
-    for law in experiment.laws.values() if wheels else ():
-        if getattr(law.law, "anti_windup", "none") != "none":
-            yield (
-                ("controllers", law.index, "anti_windup"),
-                "reads the torque limit of the wheels only: at their momentum limit, the integral "
-                "grows on; dump the momentum by magnetorquers, or choose larger wheels",
-            )
+    if wheels:
+        for law in experiment.laws.values():
+            if getattr(law.law, "anti_windup", "none") != "none":
+                yield (
+                    ("controllers", law.index, "anti_windup"),
+                    "reads the torque limit of the wheels only: at their momentum limit, the "
+                    "integral grows on; dump the momentum by magnetorquers, or choose larger "
+                    "wheels",
+                )
 
 
 def _without_effect(experiment: Experiment) -> Placed:
@@ -144,12 +146,13 @@ def _without_effect(experiment: Experiment) -> Placed:
     model, acting = config.model and config.model.forces, experiment.loop.vehicle.forces
     if model == "plant" and not acting:
         yield ("model", "forces"), "names the forces of the plant, which has none"
-    for law in experiment.laws.values() if not model or (model == "plant" and not acting) else ():
-        if not law.known_forces:
-            yield (
-                ("controllers", law.index, "known_forces"),
-                "changes nothing, as there are no forces in `model`",
-            )
+    if not model or (model == "plant" and not acting):
+        for law in experiment.laws.values():
+            if not law.known_forces:
+                yield (
+                    ("controllers", law.index, "known_forces"),
+                    "changes nothing, as there are no forces in `model`",
+                )
     if config.store.memory == "auto" and config.store.trajectories != "none":
         numbers, is_own = dict[str, str](), False
         for loop in experiment.loops.values():

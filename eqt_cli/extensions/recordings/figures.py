@@ -163,9 +163,10 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
                 curve = behind, np.insert(seen, gaps, np.nan, axis=0)
                 self._draw(axes, kind, shown.group, part, curve)
                 name_scale(axes, label)
-        for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
-            if panel != EMPTY:
-                add_title(panels[panel], part_name(part.name))
+        if len(parts) > 1:
+            for panel, part in zip(places[0], parts, strict=True):
+                if panel != EMPTY:
+                    add_title(panels[panel], part_name(part.name))
         names = axis_labels(shown.group)
         lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
         grey = Line2D([], [], color=style.mixed(style.ink(), style.ink(0), _PALE), **_MEASURED)

@@ -205,7 +205,8 @@ def read_flights(
         digest = sha256(b"".join(content_of(x, MAX_BYTES) for x in sorted(parts))).hexdigest()
         if first.setdefault(digest, file) is not file:
             raise EqtError(f"{file}: the same recording as {first[digest]}; a flight counts once")
-        for quantity, pair in tracking.topics.items() if tracking.flight else ():
+        compared = tracking.topics if tracking.flight else {}
+        for quantity, pair in compared.items():
             if (other := topics.setdefault(quantity, (pair, file)))[0] != pair:
                 advice = "choose the topics of all by --topic and --setpoint"
                 raise EqtError(f"{file}: compares {pair}, but {other[1]} {other[0]}; {advice}")

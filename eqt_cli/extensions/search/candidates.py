@@ -79,9 +79,10 @@ def computed(
     """
     implying = {quantity_of(name).implied_by for name in names} - {""}
     stored = frozenset({*names, *implying, "settling_time"})
-    for study in () if tried else studies:
-        check_memory(study)
-        rehearse(study)
+    if not tried:
+        for study in studies:
+            check_memory(study)
+            rehearse(study)
     items = tuple(
         (k, index, number)
         for k, study in enumerate(studies)

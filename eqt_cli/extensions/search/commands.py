@@ -91,8 +91,9 @@ def worst(
     search = WorstSearch.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
-    for law in done.record["laws"] if proved else ():
-        law["certified"] = proved(done.judged.folder.path / law["config"], law["label"])
+    if proved:
+        for law in done.record["laws"]:
+            law["certified"] = proved(done.judged.folder.path / law["config"], law["label"])
     _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=handling.json)
     if causes:
         raise typer.Exit(4)

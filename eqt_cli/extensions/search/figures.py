@@ -227,17 +227,18 @@ class ShownWorst:
         self.lines, self._keys = list[Profile](), dict[str, SweptKey]()
         for law in record["laws"]:
             position = results.labels.index(law["label"])
-            for line in law["lines"] if position in shown else ():
-                key, points = line["key"], slice(*line["points"])
-                stored = swept_key(results, coordinate_of(key))
-                self._keys[key] = stored.in_degrees
-                cost = costs[points, position]
-                worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))
-                away = np.abs(stored.values[points] - law["values"][key])
-                failed, index = np.isposinf(cost), np.argmin(away)
-                values = self._keys[key].values[points]
-                look, title = look_of[position], results.title_of[law["label"]]
-                self.lines.append(Profile(key, look, title, values, worst, failed, int(index)))
+            if position in shown:
+                for line in law["lines"]:
+                    key, points = line["key"], slice(*line["points"])
+                    stored = swept_key(results, coordinate_of(key))
+                    self._keys[key] = stored.in_degrees
+                    cost = costs[points, position]
+                    worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))
+                    away = np.abs(stored.values[points] - law["values"][key])
+                    failed, index = np.isposinf(cost), np.argmin(away)
+                    values = self._keys[key].values[points]
+                    look, title = look_of[position], results.title_of[law["label"]]
+                    self.lines.append(Profile(key, look, title, values, worst, failed, int(index)))
 
     @property
     def keys(self) -> list[str]:

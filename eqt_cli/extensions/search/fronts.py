@@ -531,10 +531,11 @@ def at_equal_cost(
     for one, other in combinations(fronts, 2):
         low = max(one.span[0], other.span[0])
         high = min(one.span[1], other.span[1])
-        for share in shares if low < high else ():
-            cost = low * (high / low) ** share if low > 0 else low + share * (high - low)
-            better, worse = sorted((one, other), key=lambda law: float(law.at(cost).mean()))
-            places.append((better, worse, cost))
+        if low < high:
+            for share in shares:
+                cost = low * (high / low) ** share if low > 0 else low + share * (high - low)
+                better, worse = sorted((one, other), key=lambda law: float(law.at(cost).mean()))
+                places.append((better, worse, cost))
     if not places:
         return []
     errors = np.array([[better.at(cost), worse.at(cost)] for better, worse, cost in places])

@@ -354,9 +354,10 @@ class SearchFolder:
                 path = self.path / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
-            for path in self.run_of(law).glob("*.yaml") if numbered else ():
-                if path.relative_to(self.path).as_posix() not in names:
-                    files.remove_written(path, _NUMBERED)
+            if numbered:
+                for path in self.run_of(law).glob("*.yaml"):
+                    if path.relative_to(self.path).as_posix() not in names:
+                        files.remove_written(path, _NUMBERED)
 
     def check(self, laws: Sequence[LawSearch]) -> None:
         """Check the folder of a search for these laws before anything in it changes.
@@ -394,8 +395,9 @@ class SearchFolder:
             force_too = [] if other else [Remedy("replace it with {}", "force")]
             raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
         with files.refusals(self.path, "used", OTHER_FOLDER):
-            for entry in (GENERATIONS, self.kind.configs) if force else ():
-                files.remove_written(self.path / entry, entries[entry])
+            if force:
+                for entry in (GENERATIONS, self.kind.configs):
+                    files.remove_written(self.path / entry, entries[entry])
             files.remove_left_over(self.path, list(entries.values()))
         if force or record is None:
             self.write_record({key: settings[key] for key in ("name", "digest", "engine")})

@@ -172,9 +172,10 @@ def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:
     labels = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     (name,) = record["objectives"]
     rows = []
-    for case, result in cases.items() if record["cases"] else ():
-        values = result.counted(name)[[result.labels.index(label) for label in labels]]
-        rows.append([case, *_spreads(values)])
+    if record["cases"]:
+        for case, result in cases.items():
+            values = result.counted(name)[[result.labels.index(label) for label in labels]]
+            rows.append([case, *_spreads(values)])
     result = next(iter(cases.values()))
     caption = f"{measured(result, name)} of the tuned laws in each case: {_means_over(result)}"
     header = ["case", *(result.title_of[label] for label in labels)]

@@ -345,8 +345,8 @@ def _check_size(section: TuneSection, problems: Problems, *, proves: bool) -> No
         problems.at("equal").add(f"{why}; leave it out")
     if is_front and "samples" in section.model_fields_set:
         problems.at("samples").add("a front is searched on one training sample; leave it out")
-    for name in () if is_front else OF_FRONTS:
-        if getattr(section, name) is not None:
+    for name in OF_FRONTS:
+        if not is_front and getattr(section, name) is not None:
             problems.at(name).add(
                 "belongs to the search for a front (`objectives`); the search for one objective "
                 "has `samples`, and `budget` is its largest number of points"
@@ -373,21 +373,30 @@ def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> 
             problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
         return []
     here = problems.at("cases")
-    Cases.read(section.cases, here)
-    for name, settings in section.cases.items() if not here else ():
-        for key in settings:
-            with here.catching(name, key):
-                require_sweepable(key)
-                if reason := OF_LAWS.get(section_of(key)):
-                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
+    _check_cases(section.cases, here)
+    if here:
+        return []
     cases = []
-    for name, settings in section.cases.items() if not here else ():
+    for name, settings in section.cases.items():
         try:
             cases.append(build(_in_case(base.document, name, settings)))
         except ConfigError as error:
             for problem in error.problems:
                 here.at(name).add(f"{problem.path}: {problem.message}")
     return cases
+
+
+def _check_cases(cases: dict[str, Any], problems: Problems) -> None:
+    """Note names of cases that are wrong, and keys that no case can change."""
+    Cases.read(cases, problems)
+    if problems:
+        return
+    for name, settings in cases.items():
+        for key in settings:
+            with problems.catching(name, key):
+                require_sweepable(key)
+                if reason := OF_LAWS.get(section_of(key)):
+                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
 
 
 def _in_case(document: Document, case: str, settings: dict[str, Any]) -> Document:

@@ -212,8 +212,9 @@ class Gyros(Actuator):
         A, later = (turns[:, :3] @ part._turned(start + x)[2] for x in (0.0, np.pi / 2))
         # The torques of a gyro at two angles span those at all angles.
         yield from (ever := [*lost_directions(G, turns, np.hstack([A, later]), 0.0, self.name)])
-        for text in () if ever else lost_directions(G, turns, A, 0.0, self.name):
-            yield f"{text}, until their gimbals turn"
+        if not ever:
+            for text in lost_directions(G, turns, A, 0.0, self.name):
+                yield f"{text}, until their gimbals turn"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are wrong."""

@@ -466,11 +466,12 @@ class Wheels(Actuator):
     def _check_momenta(self, most: Self, momenta: Any, problems: Problems) -> None:
         """Note momenta beyond the limit of wheels, by the means."""
         limit: Any = most.momentum
-        for k in np.flatnonzero(np.abs(momenta) > limit) if momenta is not None else ():
-            problems.add(
-                f"expected at most the limit of the momentum, {limit[k]:g} N m s, got "
-                f"{momenta[k]:g} for wheel {k + 1}"
-            )
+        if momenta is not None:
+            for k in np.flatnonzero(np.abs(momenta) > limit):
+                problems.add(
+                    f"expected at most the limit of the momentum, {limit[k]:g} N m s, got "
+                    f"{momenta[k]:g} for wheel {k + 1}"
+                )
 
     def _check_numbers(self, problems: Problems) -> None:
         threes = map(list, combinations(range(self.count), 3))
@@ -491,9 +492,10 @@ class Wheels(Actuator):
                 problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
         if self.changes and self.gain is None:
             problems.add("command: speed needs gain, the gain of the drives; for example 1 mN m s")
-        for name in ("gain", "ki") if not self.changes else ():
-            if getattr(self, name) is not None:
-                problems.at(name).add("applies to drives only; add command: speed")
+        if not self.changes:
+            for name in ("gain", "ki"):
+                if getattr(self, name) is not None:
+                    problems.at(name).add("applies to drives only; add command: speed")
         if self.bias is not None and len(self.bias.momentum) != self.count:
             expected = f"expected {self.count} entries, one for each wheel"
             problems.at("bias", "momentum").add(f"{expected}, got {len(self.bias.momentum)}")

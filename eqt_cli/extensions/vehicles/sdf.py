@@ -391,10 +391,11 @@ def _shape(collision: Element, pose: Array) -> tuple[float, Array] | None:
     """Return the volume and the centre of a collision shape; None for a mesh."""
     geometry = collision.one("geometry")
     centre = (pose @ _pose(collision.one("pose")))[:3, 3]
-    for shape in geometry.children if geometry is not None else ():
-        if shape.tag == "box":
-            size = shape.one("size") or shape
-            return volume_of("box", [*size.numbers(3)]), centre
-        if shape.tag in SIZES:
-            return volume_of(shape.tag, [shape.number(key) for key in SIZES[shape.tag]]), centre
+    if geometry is not None:
+        for shape in geometry.children:
+            if shape.tag == "box":
+                size = shape.one("size") or shape
+                return volume_of("box", [*size.numbers(3)]), centre
+            if shape.tag in SIZES:
+                return volume_of(shape.tag, [shape.number(key) for key in SIZES[shape.tag]]), centre
     return None

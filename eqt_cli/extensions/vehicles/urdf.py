@@ -136,10 +136,11 @@ def _origin(element: Element) -> Array:
 def _shape(collision: Element, pose: Array) -> tuple[float, Array] | None:
     geometry = collision.one("geometry")
     centre = (pose @ _origin(collision))[:3, 3]
-    for shape in geometry.children if geometry is not None else ():
-        if shape.tag == "box":
-            return volume_of("box", [*shape.numbers(3, "size")]), centre
-        if shape.tag in SIZES:
-            sizes = [float(shape.numbers(1, key)[0]) for key in SIZES[shape.tag]]
-            return volume_of(shape.tag, sizes), centre
+    if geometry is not None:
+        for shape in geometry.children:
+            if shape.tag == "box":
+                return volume_of("box", [*shape.numbers(3, "size")]), centre
+            if shape.tag in SIZES:
+                sizes = [float(shape.numbers(1, key)[0]) for key in SIZES[shape.tag]]
+                return volume_of(shape.tag, sizes), centre
     return None
