@@ -55,6 +55,9 @@ def _options() -> argparse.Namespace:
         action="append",
         help="runs of a command that keeps metrics only, repeatable; default: 100000",
     )
+    parser.add_argument(
+        "--size", type=int, action="append", help="runs of a job of others, repeatable"
+    )
     parser.add_argument("--others", metavar="PYTHON", help="that has Crazyflow and Basilisk")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     return parser.parse_args()
@@ -119,16 +122,17 @@ def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
 
     case = cases.load(name, options.runs)
     reference = cases.exact(case)
-    for contender in contenders():
-        if contender.name not in results.headline or contender.name in results.skipped:
-            continue
-        if not contender.plays(case):
-            continue
-        for tolerance in (contender.headline,) if options.headlines else contender.tolerances:
-            found = measure(contender, case, tolerance, reference, options.repeats)
+    chosen = [each for each in contenders() if each.name in results.headline]
+    chosen = [each for each in chosen if each.name not in results.skipped and each.plays(case)]
+    groups = [[(each, each.headline) for each in chosen]]
+    if not options.headlines:  # by themselves, as all their solutions are large
+        others = [(each, tolerance) for each in chosen for tolerance in each.tolerances]
+        groups += [[pair] for pair in others if pair not in groups[0]]
+    for group in groups:
+        for found in measure(group, case, reference, options.repeats):
             results.measurements.append(found)
             _say(
-                f"{name}  {contender.name:26} {tolerance:.0e}  {found.wall:9.3f} s  "
+                f"{name}  {found.contender:26} {found.tolerance:.0e}  {found.wall:9.3f} s  "
                 f"error {found.largest_error:.1e}"
             )
 
@@ -159,7 +163,7 @@ def _beside(options: argparse.Namespace, results: Results) -> Iterator[None]:
     from benchmarks.quadrotor import flights, missing
 
     results.skipped |= missing()
-    for found in flights():
+    for found in flights(options.repeats):
         results.flights.append(found)
         _say(f"{found.runs} runs of {found.duration:g} s  {found.way:38} {found.wall:9.3f} s")
         yield
@@ -181,7 +185,7 @@ def _command(options: argparse.Namespace, results: Results) -> Iterator[None]:
 
     with ExitStack() as stack:
         before = _before(options, results, stack)
-        for found in commands(before, options.many or MANY, options.command or ()):
+        for found in commands(before, options.many or MANY, options.command or (), options.repeats):
             results.commands.append(found)
             _say_command(found)
             yield
@@ -193,7 +197,7 @@ def _wait(options: argparse.Namespace, results: Results) -> Iterator[None]:
 
     with ExitStack() as stack:
         before = _before(options, results, stack)
-        for found in waits(before, options.command or ()):
+        for found in waits(before, options.command or (), options.repeats):
             results.waits.append(found)
             _say_command(found)
             yield
@@ -203,7 +207,7 @@ def _other(options: argparse.Namespace, results: Results) -> Iterator[None]:
     """What other programs do, too."""
     from benchmarks.others import beside
 
-    for found in beside(options.others):
+    for found in beside(options.others, options.repeats, options.command or (), options.size or ()):
         results.others.append(found)
         took = f"eqt {found.eqt:.2f} s, {found.program} {found.other:.2f} s"
         _say(f"{found.runs} × {found.job}: {took}")

@@ -1,14 +1,12 @@
 """Simulators whose requirements contradict those of the others, in an environment of their own.
 
 `python benchmarks/beside.py crazyflow RUNS` after `pip install crazyflow==0.4.0`, or
-`python benchmarks/beside.py basilisk RUNS` after `pip install bsk==2.12.1`. Prints the CPU time of
-the process with its start, its compilation and all runs, s.
+`python benchmarks/beside.py basilisk RUNS` after `pip install bsk==2.12.1`.
 """
 
 from __future__ import annotations
 
 import sys
-import time
 
 import numpy as np
 
@@ -79,4 +77,3 @@ def basilisk(runs: int) -> None:
 
 if __name__ == "__main__":
     {"crazyflow": crazyflow, "basilisk": basilisk}[sys.argv[1]](int(sys.argv[2]))
-    print(f"{time.process_time():.2f}")

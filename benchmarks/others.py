@@ -1,16 +1,20 @@
 """Jobs that other programs do, too, as processes from start to end: one run, and many.
 
+All clocks start before the imports, and every process finds the compiled code of the ones before
+it. The programs run in turn, and the least CPU time of each counts.
+
 Crazyflow and Basilisk require other versions than the rest, so they are looked for by the Python
 of an environment of their own: `make bench ARGS='--others PYTHON'`.
 """
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,10 +23,10 @@ from benchmarks.process import ROOT, spent
 SIZES = (1, 1_000, 10_000)
 """Runs of a job."""
 
-REPEATED = 1_000
-"""Jobs of more runs are done once, by caches that the others have filled."""
-
 SETTINGS = ("solver.engine=native", "store.trajectories=none")
+
+OWN = "eqt's own"
+"""In arguments: a file for the seconds that a process spends for eqt, which do not count."""
 
 MODULES = {"heyoka": "heyoka", "diffrax": "diffrax", "Crazyflow": "crazyflow", "Basilisk": "bsk"}
 """The distribution that a program is in."""
@@ -39,9 +43,12 @@ class Job:
     config, settings
         What eqt runs.
     others
-        Arguments of a Python that does the same, by program; ``{}`` is the number of runs.
+        Arguments of a Python that does the same, by program; ``{}`` is the number of runs, `OWN`
+        a file.
     note
         What differs.
+    sizes
+        Numbers of runs.
     """
 
     name: str
@@ -49,12 +56,13 @@ class Job:
     settings: tuple[str, ...]
     others: dict[str, list[str]]
     note: str = ""
+    sizes: tuple[int, ...] = SIZES
 
 
 def _jobs() -> list[Job]:
     from benchmarks.sampled import _undisturbed
 
-    own = {name: ["-m", "benchmarks.others", name, "{}"] for name in ("heyoka", "diffrax")}
+    own = {name: ["-m", "benchmarks.others", name, "{}", OWN] for name in ("heyoka", "diffrax")}
     beside = {
         name: [str(ROOT / "benchmarks" / "beside.py"), name.lower(), "{}"]
         for name in ("Crazyflow", "Basilisk")
@@ -66,28 +74,32 @@ def _jobs() -> list[Job]:
             "paper",
             ("controllers=[eqt]",),
             {"Basilisk": beside["Basilisk"]},
-            "steps of 50 ms by Runge-Kutta 4",
+            "its own law, steps of 50 ms by Runge-Kutta 4",
+            SIZES[:2],  # it computes one run after the other
         ),
         Job(
             "a Crazyflie, 6 s at 500 Hz",
             "crazyflie",
             tuple(_undisturbed()),
             {"Crazyflow": beside["Crazyflow"]},
-            "its own law, in single precision, without error estimates",
+            "its own law, in single precision, by explicit Euler, without error estimates",
         ),
     ]
 
 
 @dataclass(frozen=True)
 class Beside:
-    """One job of so many runs: CPU times of processes from start to end, s.
+    """One job of so many runs: the least CPU times of processes from start to end, s.
 
     Attributes
     ----------
     eqt
-        With warm caches, checks, error estimates, metrics and file.
+        With checks, error estimates, metrics and file.
     other
-        Of `program`, with its compilation.
+        Of `program`.
+    first
+        Those of the first processes, eqt's and the other's, when nothing was compiled; None where
+        a smaller job has filled the caches.
     """
 
     job: str
@@ -95,21 +107,37 @@ class Beside:
     eqt: float
     program: str
     other: float
+    first: tuple[float, float] | None
     note: str
 
 
-def beside(python: str | None) -> Iterator[Beside]:
-    """Every job by every program that is installed."""
-    for job in _jobs():
-        found = {name: _python(name, python) for name in job.others}
+def beside(
+    python: str | None, repeats: int, names: Sequence[str] = (), sizes: Sequence[int] = ()
+) -> Iterator[Beside]:
+    """Every job of every size, or the chosen ones, by every program that is installed."""
+    for job in (job for job in _jobs() if not names or job.name in names):
+        where = {name: found for name in job.others if (found := _python(name, python))}
         with TemporaryDirectory() as folder:
-            for runs in SIZES if any(found.values()) else ():
-                eqt, times = _eqt(job, runs, Path(folder)), 2 if runs <= REPEATED else 1
-                for name, arguments in job.others.items():
-                    if where := found[name]:
-                        words = [word.replace("{}", str(runs)) for word in arguments]
-                        other = min(_seconds(where, words) for _ in range(times))
-                        yield Beside(job.name, runs, eqt, name, other, job.note)
+            for runs in sizes or job.sizes if where else ():
+                yield from _in_turn(job, runs, where, repeats, Path(folder))
+
+
+def _in_turn(
+    job: Job, runs: int, where: dict[str, str], repeats: int, folder: Path
+) -> Iterator[Beside]:
+    """One job by eqt and others in turn, after a pass that fills the caches."""
+    is_first = not (folder / "cache").exists()
+    took: dict[str, list[float]] = {name: [] for name in ("eqt", *where)}
+    for number in range(repeats + 1):
+        for name, times in took.items():
+            if name == "eqt":
+                times.append(_eqt(job, runs, folder))
+            elif number or is_first:  # its compiled code is that of any number of runs
+                times.append(_other(where[name], job.others[name], runs, folder))
+    least = {name: min(times[-repeats:]) for name, times in took.items()}
+    for name in where:
+        first = (took["eqt"][0], took[name][0]) if is_first else None
+        yield Beside(job.name, runs, least["eqt"], name, least[name], first, job.note)
 
 
 def _python(program: str, python: str | None) -> str | None:
@@ -121,42 +149,36 @@ def _python(program: str, python: str | None) -> str | None:
     return None
 
 
-def _seconds(python: str, arguments: list[str]) -> float:
-    """What a script says that it took, in its last line."""
-    done = subprocess.run(
-        [python, *arguments], capture_output=True, text=True, cwd=ROOT, check=True
-    )
-    return float(done.stdout.split()[-1])
-
-
 def _eqt(job: Job, runs: int, folder: Path) -> float:
-    """The least of two runs, after one that compiles; of many runs, one."""
     settings = [f"--set={text}" for text in (*SETTINGS, *job.settings, f"ensemble.runs={runs}")]
     command = ["-m", "eqt_cli", "run", f"configs/{job.config}.yaml", *settings, "--quiet"]
-    environment = {"XDG_CACHE_HOME": str(folder / "cache")}
     command += ["--out", str(folder / "out"), "--force"]
-    times = 3 if runs <= REPEATED else 1
-    return min([spent(command, ROOT, environment).cpu for _ in range(times)][-2:])
+    return spent(command, ROOT, {"XDG_CACHE_HOME": str(folder / "cache")}).cpu
 
 
-def _by(program: str, runs: int) -> float:
-    """CPU time of a contender for the paper's first law, from the start of the process, s.
+def _other(python: str, arguments: Sequence[str], runs: int, folder: Path) -> float:
+    own = folder / "own"
+    words = [str(own) if word == OWN else word.replace("{}", str(runs)) for word in arguments]
+    total = spent(words, ROOT, {"XDG_CACHE_HOME": str(folder / "cache")}, python).cpu
+    return total - float(own.read_text(encoding="utf-8")) if OWN in arguments else total
 
-    That of eqt, which reads the configuration, does not count.
+
+def _by(program: str, runs: int, own: Path) -> None:
+    """Integrate the paper's first law by a contender; write the CPU time of eqt's part, s.
+
+    That is what reads the configuration. What a contender imports itself comes before.
     """
-    import time
+    import numpy  # noqa: F401
 
-    import numpy  # noqa: F401  # which every contender needs, too
-
+    import_module(program)
     began = time.process_time()
     from benchmarks.cases import load
     from benchmarks.contenders import contenders
 
     case = load("paper", runs, ["controllers=[eqt]"])
     chosen = next(each for each in contenders() if program in each.name)
-    own = time.process_time() - began
+    own.write_text(str(time.process_time() - began), encoding="utf-8")
     chosen.prepare(case, chosen.headline)()
-    return time.process_time() - own
 
 
 def as_table(found: list[Beside]) -> tuple[str, list[str], list[list[str]]]:
@@ -171,16 +193,15 @@ def as_table(found: list[Beside]) -> tuple[str, list[str], list[list[str]]]:
         [
             each.job,
             f"{each.runs:,}",
-            f"{each.eqt:.2f}",
             each.program,
-            f"{each.other:.2f}",
-            f"{each.eqt / each.other:.2g}",
+            f"{each.other / each.eqt:.2g}",
+            f"{each.first[1] / each.first[0]:.2g}" if each.first else "",
             each.note or "the same equations; no metrics, no file",
         ]
         for each in found
     ]
-    return said, ["job", "runs", "eqt, s", "by", "CPU, s", "eqt / other", "what differs"], rows
+    return said, ["job", "runs", "by", "other / eqt", "first process", "what differs"], rows
 
 
 if __name__ == "__main__":
-    print(json.dumps(_by(sys.argv[1], int(sys.argv[2]))))
+    _by(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]))

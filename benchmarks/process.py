@@ -38,7 +38,10 @@ class Spent:
 
 
 def spent(
-    arguments: Sequence[str], tree: Path = ROOT, environment: dict[str, str] | None = None
+    arguments: Sequence[str],
+    tree: Path = ROOT,
+    environment: dict[str, str] | None = None,
+    python: str = sys.executable,
 ) -> Spent:
     """Run `python` with these arguments in the folder `tree`, whose modules it imports.
 
@@ -52,7 +55,15 @@ def spent(
     """
     own = AS_INSTALLED | {"PYTHONPATH": str(tree)} | (environment or {})
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.process", str(tree), json.dumps(own), *arguments],
+        [
+            sys.executable,
+            "-m",
+            "benchmarks.process",
+            str(tree),
+            json.dumps(own),
+            python,
+            *arguments,
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -65,9 +76,7 @@ def spent(
 
 def _watched(tree: str, own: Mapping[str, str], arguments: Sequence[str]) -> Spent:
     began, most = time.perf_counter(), 0
-    process = subprocess.Popen(
-        [sys.executable, *arguments], stdout=subprocess.DEVNULL, cwd=tree, env=os.environ | own
-    )
+    process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, cwd=tree, env=os.environ | own)
     while True:
         found, status, usage = os.wait4(process.pid, os.WNOHANG)  # subprocess tells no memory
         if found:

@@ -16,7 +16,7 @@ import eqt_cli
 from benchmarks.cases import Case, Motion, errors, load
 from benchmarks.contenders import rotorpy_loop
 from benchmarks.contenders.rotorpy_loop import RotorPy
-from benchmarks.measure import fastest
+from benchmarks.measure import in_turn
 from benchmarks.process import spent
 from eqt_cli.base.arrays import Array
 from eqt_cli.engines.native import Native
@@ -24,7 +24,7 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 
 CONFIG = Path(__file__).with_name("quadrotor.yaml")
 
-JOBS = ((1.0, 1), (6.0, 1), (6.0, 100), (6.0, 1000))
+JOBS = ((1.0, 1), (6.0, 1), (6.0, 1000))
 """Duration, s, and runs."""
 
 TIMED = 3
@@ -68,7 +68,7 @@ def missing() -> dict[str, str]:
     return {name: reason for name, reason in found.items() if reason}
 
 
-def flights(repeats: int = 3) -> Iterator[Flight]:
+def flights(repeats: int) -> Iterator[Flight]:
     """Every way to do every job; those of RotorPy only where it is installed."""
     for number, (duration, runs) in enumerate(JOBS):
         case = load(CONFIG.stem, runs, settings(duration), CONFIG.parent)
@@ -79,14 +79,14 @@ def flights(repeats: int = 3) -> Iterator[Flight]:
             wall, cpu = since(began)
             way, error = "eqt `native`, first: compiles", float(errors(found, exact).max())
             yield Flight(duration, runs, way, wall, cpu, runs, error)
-        for way, count, fly in _ways(case):
-            some = np.arange(count)
-            found, wall, cpu, _ = fastest(partial(fly, some), repeats)
-            few, scale = exact.runs[: len(some)], runs / count
+        ways = list(_ways(case))
+        timed = in_turn([partial(fly, np.arange(count)) for _, count, fly in ways], repeats)
+        for (way, count, _), (found, wall, cpu, _) in zip(ways, timed, strict=True):
+            few, scale = exact.runs[:count], runs / count
             found = Motion(found.Q[:, : len(few)], found.V[:, : len(few)], few)
             error = float(errors(found, exact).max())
             yield Flight(duration, runs, way, wall * scale, cpu * scale, count, error)
-        yield from _processes(duration, runs, first=number == 0)
+        yield from _processes(duration, runs, repeats, first=number == 0)
 
 
 def since(began: os.times_result) -> tuple[float, float]:
@@ -147,25 +147,31 @@ def _batch(case: Case, integrator: str, runs: Array) -> Motion:
     return Motion(Q[None], V[None], runs)
 
 
-def _processes(duration: float, runs: int, first: bool) -> Iterator[Flight]:
-    """From the start of Python to its end, by one thread."""
+def _processes(duration: float, runs: int, repeats: int, first: bool) -> Iterator[Flight]:
+    """From the start of Python to its end, by one thread, in turn."""
+    few, more = 1, 1 + TIMED * (runs > 1)
     with TemporaryDirectory() as cache:
         given = [f"ensemble.runs={runs}", *settings(duration)]
         command = ["-m", "eqt_cli", "run", str(CONFIG), "--quiet", "--workers", "1", "--force"]
         command += ["--out", f"{cache}/result", *(word for key in given for word in ("--set", key))]
-        compiling, *warm = (spent(command, environment={"XDG_CACHE_HOME": cache}) for _ in range(3))
+        programs = [command]
+        if not rotorpy_loop.missing():
+            programs += [["-c", rotorpy_loop.program(duration, n)] for n in sorted({few, more})]
+        environment = {"XDG_CACHE_HOME": cache}
+        compiling = spent(command, environment=environment)
+        rounds = [
+            [spent(each, environment=environment) for each in programs] for _ in range(repeats)
+        ]
     if first:
         way = "process of `eqt run`, first: compiles"
         yield Flight(duration, runs, way, compiling.wall, compiling.cpu, runs, None)
-    wall, cpu = min(each.wall for each in warm), min(each.cpu for each in warm)
-    yield Flight(duration, runs, "process of `eqt run`", wall, cpu, runs, None)
-    if rotorpy_loop.missing():
-        return
-    few, more = 1, 1 + TIMED * (runs > 1)
-    once, often = (spent(["-c", rotorpy_loop.program(duration, n)]) for n in (few, more))
-    further = (runs - few) / max(more - few, 1)
     wall, cpu = (
-        getattr(once, each) + further * (getattr(often, each) - getattr(once, each))
-        for each in ("wall", "cpu")
+        [min(getattr(each, name) for each in every) for every in zip(*rounds, strict=True)]
+        for name in ("wall", "cpu")
     )
-    yield Flight(duration, runs, "process of RotorPy", wall, cpu, min(runs, more), None)
+    yield Flight(duration, runs, "process of `eqt run`", wall[0], cpu[0], runs, None)
+    if len(programs) == 1:
+        return
+    further = (runs - few) / max(more - few, 1)
+    total = [each[1] + further * (each[-1] - each[1]) for each in (wall, cpu)]
+    yield Flight(duration, runs, "process of RotorPy", *total, min(runs, more), None)

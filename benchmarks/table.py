@@ -311,7 +311,10 @@ def _waits(jobs: list[Command], others: list[Beside]) -> str:
 def _others(found: list[Beside]) -> str:
     """For whom eqt is slower, and all jobs."""
     said, head, rows = as_table(found)
-    sentence = "CPU seconds of processes from start to end, the least of two."
+    sentence = (
+        "CPU time of processes from start to end, also their imports, over eqt's; the least of "
+        "several in turn, with the compiled code of earlier ones. First processes have none."
+    )
     return f"{said} {sentence}\n\n" + _table(head, rows)
 
 

@@ -67,14 +67,11 @@ ALSO = {
 }
 """Job and runs by which `others` compares nearly the same; no program does the rest."""
 
-ROUNDS = 3
-"""How often a job is run by each tree, in turn, after one that fills the caches."""
 
-
-def waits(
-    before: Path | None, chosen: Sequence[str] = (), rounds: int = ROUNDS
-) -> Iterator[Command]:
+def waits(before: Path | None, chosen: Sequence[str], rounds: int) -> Iterator[Command]:
     """Every job, or the chosen ones, by this tree and, where it is given, by the one before.
+
+    Each tree runs it so often, in turn, after a pass that fills the caches.
 
     The floor is what compiled integration takes alone, in this tree and by one thread; of what
     integrates little, what `FLOOR` takes.

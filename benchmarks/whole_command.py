@@ -81,11 +81,11 @@ def earlier(commit: str) -> Iterator[Path]:
 
 
 def commands(
-    before: Path | None, many: Sequence[int] = MANY, chosen: Sequence[str] = (), repeats: int = 2
+    before: Path | None, many: Sequence[int], chosen: Sequence[str], repeats: int
 ) -> Iterator[Command]:
     """Every command, or the chosen ones, by this tree and, where it is given, by the one before."""
     trees = {NOW: ROOT} | ({BEFORE: before} if before else {})
-    plain = None if chosen else _plain_per_run()
+    plain = None if chosen else _plain_per_run(repeats)
     with TemporaryDirectory() as folder:
         for name, arguments, runs in _plan(many):
             if chosen and name not in chosen:
@@ -157,12 +157,12 @@ def _best(every: list[Spent]) -> Spent:
     )
 
 
-def _plain_per_run() -> float:
+def _plain_per_run(repeats: int) -> float:
     """Wall time of the plain loop for one of the paper's runs, s."""
     from benchmarks.cases import load
     from benchmarks.contenders.plain_loop import CONTENDERS, RUNS_PER_CONTROLLER
     from benchmarks.measure import fastest
 
     case, (plain, *_) = load("paper"), CONTENDERS
-    _, wall, _, _ = fastest(plain.prepare(case, plain.headline), 3)
+    _, wall, _, _ = fastest(plain.prepare(case, plain.headline), repeats)
     return wall / (RUNS_PER_CONTROLLER * len(case.problems))

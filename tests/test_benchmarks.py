@@ -101,7 +101,7 @@ def test_a_process_of_rotorpy_starts_once_for_all_runs(monkeypatch):
 
     monkeypatch.setattr(quadrotor, "spent", measure)
     monkeypatch.setattr(quadrotor.rotorpy_loop, "missing", lambda: None)
-    eqt, other = quadrotor._processes(6.0, 100, first=False)
+    eqt, other = quadrotor._processes(6.0, 100, 2, first=False)
     assert (eqt.wall, eqt.timed_runs) == (1.0, 100)
     assert (other.wall, other.cpu, other.timed_runs) == (201.0, 402.0, 4)
 
@@ -191,15 +191,40 @@ def test_for_whom_eqt_is_slower_is_said_first_and_beside_what_users_wait_for():
     results = measured()
     results.waits, results.commands = [replace(results.commands[0], name="run paper, 1 run")], []
     results.others = [
-        others.Beside(job, runs, 0.9, "heyoka", 0.3, ""),
-        others.Beside(job, runs, 0.9, "diffrax", 2.7, ""),
-        others.Beside(job, 1000, 1.0, "diffrax", 4.0, ""),
+        others.Beside(job, runs, 0.9, "heyoka", 0.3, None, ""),
+        others.Beside(job, runs, 0.9, "diffrax", 2.7, (2.0, 5.0), ""),
+        others.Beside(job, 1000, 1.0, "diffrax", 4.0, None, ""),
     ]
     page = table.as_markdown(results)
     assert f"eqt is slower for: 1 × {job} (heyoka takes 0.33 of its time). CPU" in page
     [row] = [line for line in page.splitlines() if line.startswith("| run paper, 1 run |")]
     assert "| 3 (heyoka) |" in row
+    [row] = [line for line in page.splitlines() if line.startswith(f"| {job} | 1 | diffrax |")]
+    assert "| 3 | 2.5 |" in row
     assert {each.name for each in others._jobs()} >= {name for name, _ in waits.ALSO.values()}
+
+
+def test_programs_run_in_turn_and_only_what_is_not_compiled_yet_in_the_first_pass(
+    monkeypatch, tmp_path
+):
+    """Of CPU times that fall from process to process, the last counts; eqt's own part does not."""
+    took = iter(range(100, 0, -1))
+    order = []
+
+    def measure(arguments, tree, environment, python=sys.executable):
+        order.append((python, arguments[-1]))
+        (tmp_path / "cache").mkdir(exist_ok=True)
+        (tmp_path / "own").write_text("0.5")
+        return Spent(1.0, float(next(took)), 1)
+
+    monkeypatch.setattr(others, "spent", measure)
+    job = others.Job("a job", "paper", (), {"heyoka": ["heyoka", "{}", others.OWN]})
+    [small] = others._in_turn(job, 1, {"heyoka": "python"}, 2, tmp_path)
+    [large] = others._in_turn(job, 9, {"heyoka": "python"}, 2, tmp_path)
+    pair = [(sys.executable, "--force"), ("python", str(tmp_path / "own"))]
+    assert order == [*pair, *pair, *pair, pair[0], *pair, *pair]
+    assert (small.eqt, small.other, small.first) == (96.0, 94.5, (100.0, 98.5))
+    assert (large.eqt, large.other, large.first) == (91.0, 89.5, None)
 
 
 def test_jobs_that_users_wait_for_run_configurations_that_there_are():
