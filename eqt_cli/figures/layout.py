@@ -215,12 +215,14 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
         panels[name].set_ylabel("")
 
 
-def add_title(axes: Axes, name: str) -> None:
-    """Write a user's text as the title of a panel, in centred lines beside its letter."""
-    letters = 2 if len(axes.figure.axes) > _NARROW_LETTERS else 1  # a title is centred
+def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
+    """Write a user's text as the title of a panel beside its letter: centred, or small at right."""
+    is_wide = len(axes.figure.axes) > _NARROW_LETTERS
+    letters = (2 if is_wide else 1) / (2 if at_right else 1)  # a centred title has room for two
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
-    fit = _characters(room, size_of_type("axes.titlesize"))
-    axes.set_title(free_text(name, max(fit, *map(len, name.split()), 1)))
+    size = size_of_type("axes.titlesize") * (_SMALL if at_right else 1.0)
+    fit = max(_characters(room, size), *map(len, name.split()), 1)
+    axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
 
 def add_letters(figure: Figure) -> None:

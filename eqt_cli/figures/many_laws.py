@@ -16,11 +16,9 @@ from eqt_cli.base.reporting import significant
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, spans_decade
 from eqt_cli.figures.figure import ShownRuns
-from eqt_cli.figures.labels import free_text
 from eqt_cli.figures.layout import FAR, NO_NUMBERS, diverging
 from eqt_cli.figures.shown import Ensemble
-from eqt_cli.figures.style import Width, ink, size_of_type
-from eqt_cli.results.quantity import Latex
+from eqt_cli.figures.style import Width, ink
 
 _COLUMNS: dict[Width, int] = {"column": 3, "page": 5, "slide": 6}
 _TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
@@ -118,8 +116,7 @@ def _draw(
     if not np.array_equal(low, high):
         axes.fill_between(times, low, high, label=law.label, **layout.band_look(colour))
     layout.open_frame(axes)
-    size = size_of_type("font.size") * 0.833
-    axes.set_title(free_text(law.title, 18), loc="right", fontsize=size)
+    layout.add_title(axes, law.title, at_right=True)
 
 
 def _bound(panels: Sequence[Axes], middles: Sequence[Array], error: float, *, log: bool) -> None:
@@ -138,5 +135,5 @@ def _bound(panels: Sequence[Axes], middles: Sequence[Array], error: float, *, lo
         if name in far:
             axes.annotate("diverges", (0.97, 0.95), va="top", **look)
         elif curve[-1] < bottom:
-            last = Latex().number(significant(float(curve[-1]), 1))
+            last = significant(float(curve[-1]), 1)
             axes.annotate(f"to {last}", (0.97, 0.05), va="bottom", **look)

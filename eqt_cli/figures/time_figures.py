@@ -53,6 +53,7 @@ from eqt_cli.figures.layout import (
 from eqt_cli.figures.many_laws import draw_laws
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink, line_style
+from eqt_cli.results.summary import repeats
 
 # Errors, torque norm and L over all runs, and the same as the paper prints them -------------------
 
@@ -72,10 +73,11 @@ _TITLES = {
 class Summary(Panelled, OverTime):
     """Medians over runs of pose error, velocity error, torque norm and Lyapunov function.
 
-    The shading holds the middle half of the runs of the first two laws. Scales are logarithmic
-    where medians span two decades; they end a decade below the medians, or at the error of the
-    solver, and ten times above all other laws where a law diverges. Of more than six laws, the
-    first quantity is drawn, a panel for each law, before the medians of the others.
+    The function is left out where laws have different ones, which cannot be compared. The shading
+    holds the middle half of the runs of the first two laws. Scales are logarithmic where medians
+    span two decades; they end a decade below the medians, or at the error of the solver, and ten
+    times above all other laws where a law diverges. Of more than six laws, the first quantity is
+    drawn, a panel for each law, before the medians of the others.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -100,13 +102,17 @@ class Summary(Panelled, OverTime):
         """Draw two by two panels, or a row per norm and a column per part."""
         runs.require_attitude(degrees=bool(self.degrees))
         degrees = bool(runs.attitude_errors) if self.degrees is None else self.degrees
-        norms = self.picked((*NORMS, _FUNCTION))
+        one_function = not any(result.lyapunov_functions for result in runs.results)
+        has_function = bool(self.panels) or self.printed or one_function
+        norms = self.picked((*NORMS, _FUNCTION) if has_function else NORMS)
         if len(runs.shown) > MOST_COLOURS and not self.printed:
             degrees = degrees and norms[0] == NORMS[0]
             signal = norms[0] if norms[0] != NORMS[0] else ""
             return draw_laws(runs, width, signal, degrees=degrees, log=self.log)
         drawing = self._draw(runs, width, norms, degrees)
-        several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
+        if not has_function:
+            drawing.set_label("Medians over runs of pose error, velocity error and torque norm.")
+        several = any(np.count_nonzero(e.good) > 1 and not repeats(e.results) for e in runs.shown)
         middle = "mean" if self.printed else "median"
         of = (
             f" of {' and '.join(e.title for e in runs.shown[:BANDS])}"

@@ -137,19 +137,6 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
     assert {axes.get_yscale() for axes in torques} == {"log"}
 
 
-def test_of_more_than_six_laws_each_has_a_panel(simulate, opened):
-    laws = ["eqt", "gt", "nog", "asym", "lee2010", "goodarzi2013", "slotine_li"]
-    result = opened(simulate(controllers=laws))
-    drawing = Summary().draw([result])
-    titles = ["EqT", "GT", "nog", "asym", "Lee 2010", "Goodarzi 2013", "Slotine–Li"]
-    assert [axes.get_title() for axes in drawing.axes] == titles
-    assert drawing.axes[0].get_ylabel() == r"attitude error $(\mathrm{deg})$"
-    assert len(Summary(controllers=laws[:6]).draw([result]).axes) == 4
-    (axes, *_) = Summary(panels=["torque_norm"]).draw([result]).axes
-    expected = np.median(result["torque_norm"][0], axis=0)
-    np.testing.assert_array_equal(axes.lines[-1].get_ydata(), expected)
-
-
 def test_bands_are_of_the_two_laws_that_are_compared_first(so3, opened, picture):
     drawing = picture(Summary(), opened(so3))
     for axes in drawing.axes:

@@ -101,6 +101,8 @@ def test_beyond_six_laws_each_has_a_panel_sorted_by_its_median(figure, signal, s
         [result], captions=captions
     )
     assert "a panel for each law" in drawing.get_label()
+    titles = {axes.lines[0].get_label(): axes.get_title(loc="right") for axes in drawing.axes}
+    assert titles == {**dict(zip("abcdefg", "abcdefg", strict=True)), "eqt": "EqT"}
     drawn = {axes.lines[0].get_label(): axes.lines[0].get_ydata() for axes in drawing.axes}
     medians = dict(zip(result.labels, np.median(result.read(signal), axis=1), strict=True))
     assert drawn.keys() == medians.keys()
