@@ -28,6 +28,7 @@ def run(
     workers: int = 1,
     executor: Executor | None = None,
     rerun_failed: bool = False,
+    grow: bool = False,
     shard: Shard | None = None,
 ) -> StoredResult:
     """Run an experiment and store its result in a folder.
@@ -49,6 +50,8 @@ def run(
         Executor of the runs. Default: that of `choose_executor`.
     rerun_failed
         Whether to compute failed runs again, each alone.
+    grow
+        Whether to keep the points, laws and runs of a result in the folder, and add what it lacks.
     shard
         Share of the runs to compute while other processes compute the rest. `pack` joins them.
 
@@ -72,6 +75,11 @@ def run(
     """
     loaded = experiment if isinstance(experiment, Study) else load_experiment(experiment)
     folder = Path("results") / loaded.name if out is None else Path(out)
+    if grow and (force or shard):
+        raise EqtError(
+            f"{folder}: a result grows in one session, and keeps its runs; leave "
+            "out --force and --shard"
+        )
     loaded = loaded if force else ResultFolder(folder).begun(loaded)
     remark_on(loaded.base)
     done = execute(
@@ -80,6 +88,7 @@ def run(
         executor=executor or choose_executor(loaded, workers),
         force=force,
         rerun_failed=rerun_failed,
+        grow=grow,
         shard=shard,
     )
     return StoredResult(done.folder.path, outcome=done)

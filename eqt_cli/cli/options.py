@@ -12,6 +12,7 @@ Result
     --out DIR  Result folder.
     --force  Start over. Removes only what eqt wrote to the folder.
     --rerun-failed  Compute only the failed runs again.
+    --grow  Keep what the folder holds, and compute the points, laws and runs that it lacks.
 What to show
     --controller LAW  Show only this law. Repeatable.
     --point K  Point of a sweep, counted from 0.
@@ -300,12 +301,13 @@ class Handling:
     shard: ShardOf = None
     force: Annotated[bool, option("--force")] = False
     rerun_failed: Annotated[bool, option("--rerun-failed")] = False
+    grow: Annotated[bool, option("--grow")] = False
     trust_plugins: TrustPlugins = False
     json: Json = False
     quiet: Quiet = False
 
 
-HandlingOfSearch = Annotated[Handling, {"shard", "rerun_failed"}]
+HandlingOfSearch = Annotated[Handling, {"shard", "rerun_failed", "grow"}]
 """The group without some of its options, which have their defaults."""
 
 

@@ -191,6 +191,7 @@ def run_experiment(experiment: Study, setup: options.Setup, handling: options.Ha
             executor=executor_from(experiment, setup),
             force=handling.force,
             rerun_failed=handling.rerun_failed,
+            grow=handling.grow,
             shard=shard,
         )
     except Interrupted as error:
@@ -211,6 +212,9 @@ def run_experiment(experiment: Study, setup: options.Setup, handling: options.Ha
         output.say(f"removed {entry}")
     if done.outcome.was_complete:
         output.say(f"{out} already holds this experiment; --force runs it again")
+    elif handling.grow:
+        new = done.runs - done.outcome.taken - done.outcome.resumed
+        output.say(f"{done.outcome.taken} of {done.runs} runs were kept, {new} computed")
     elif done.outcome.resumed:
         output.say(f"{done.outcome.resumed} of {done.runs} runs were already computed")
     report(done, shard, json=handling.json, with_plugins=bool(experiment.base.plugins))
@@ -225,7 +229,8 @@ def report(
 
     causes = ["some runs failed"] if done.failed else []
     counted: dict[str, Any] = {"runs": done.runs, "failed": done.failed}
-    counted |= {"resumed": done.outcome.resumed, "seconds": done.outcome.seconds, "causes": causes}
+    counted |= {"resumed": done.outcome.resumed, "kept": done.outcome.taken}
+    counted |= {"seconds": done.outcome.seconds, "causes": causes}
     disagrees = False
     if shard is not None:
         trust = " --trust-plugins" if with_plugins else ""

@@ -68,17 +68,22 @@ from eqt_cli.runs.part_files import MANIFEST, PART_ENTRIES, PARTS, PartFiles
 
 CONFIG, PLUGINS, FILES = "config.yaml", "stored_plugins", "stored_files"
 RERUN = "reruns"
-"""Folder for the parts of failed runs that are computed again."""
+"""Folder for the parts of failed runs that are computed again, and of those of a growing result."""
+GROWN = "grown"
+"""Folder for a result that grew, until it takes the place of the old one."""
 
 _PICTURES = (FilePattern(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
 COPY_FOLDERS = tuple(FolderPattern(name, (FilePattern(r"\d+-.+"),)) for name in (PLUGINS, FILES))
 """Copies of the files that a configuration refers to."""
 
+_SHAPES = FolderPattern(files.SHAPES, (FilePattern(r"\d+\.h5"),))
+
 _ENTRIES: dict[str, Entry] = {
     files.FILE_NAME: FilePattern(re.escape(files.FILE_NAME)),
     PARTS: FolderPattern(PARTS, PART_ENTRIES),
     RERUN: FolderPattern(RERUN, PART_ENTRIES),
-    files.SHAPES: FolderPattern(files.SHAPES, (FilePattern(r"\d+\.h5"),)),
+    files.SHAPES: _SHAPES,
+    GROWN: FolderPattern(GROWN, (FilePattern(re.escape(files.FILE_NAME)), _SHAPES)),
     files.FIGURES: FolderPattern(
         files.FIGURES, (FolderPattern(r"point(_\d+)+", _PICTURES), *_PICTURES)
     ),

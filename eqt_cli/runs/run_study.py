@@ -6,8 +6,8 @@ On request, only the failed runs of a finished result are computed again.
 import json
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import kind_of, write_record
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
@@ -114,6 +115,8 @@ class Execution:
         Whether the result file is written; a shard alone does not write it.
     seconds
         Wall time of compiling, simulation, writing and cross-check, s.
+    taken
+        Number of runs that were taken over from the earlier result.
     """
 
     folder: ResultFolder
@@ -124,6 +127,7 @@ class Execution:
     resumed: int = 0
     packed: bool = True
     seconds: dict[str, float] = field(default_factory=dict)
+    taken: int = 0
 
 
 def execute(
@@ -133,6 +137,7 @@ def execute(
     executor: Executor | None = None,
     force: bool = False,
     rerun_failed: bool = False,
+    grow: bool = False,
     shard: Shard | None = None,
 ) -> Execution:
     """Compute the missing parts of a study in its folder, and pack the result file.
@@ -145,6 +150,8 @@ def execute(
         Whether to start over and remove what eqt wrote there.
     rerun_failed
         Whether to compute failed runs again, each alone.
+    grow
+        Whether the folder may hold a result with fewer points, laws or runs, which are kept.
     shard
         Share of the parts to compute while other processes compute the rest; then nothing is
         packed.
@@ -170,20 +177,11 @@ def execute(
         locks.enter_context(folder.reporting_finished_runs(study))
         locks.enter_context(locked(out, shared=shard is not None))
         if shard:
-            locks.enter_context(
-                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
-            )
-            parts = count_of(len(study.plans), "part")
-            if shard.index > len(study.plans):
-                reporter().remark(
-                    EqtWarning(
-                        f"{out}: shard {shard.index} of {shard.count} computes nothing, since the "
-                        f"experiment has {parts}",
-                        Remedy(f"use at most {parts.replace('part', 'shard')}"),
-                    )
-                )
+            locks.enter_context(_lock_of(shard, out, len(study.plans)))
         chosen = locks.enter_context((executor or Serial()).opened(folder.path))
-        session = _Session(study, folder, chosen)
+        session = Session(study, folder, chosen)
+        if grow and not complete and folder.results.exists():
+            return function_for("run --grow")(session)
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:  # parts whose runs all failed are computed as a whole
@@ -192,6 +190,20 @@ def execute(
                     entry.path.unlink()
         done = session.run(force, shard)
         return session.rerun(done.failed) if rerun_failed and done.failed and done.packed else done
+
+
+def _lock_of(shard: Shard, out: Path, parts: int) -> AbstractContextManager[None]:
+    """Return the lock of a shard, and remark if it has nothing to compute."""
+    if shard.index > parts:
+        words = count_of(parts, "part")
+        reporter().remark(
+            EqtWarning(
+                f"{out}: shard {shard.index} of {shard.count} computes nothing, since the "
+                f"experiment has {words}",
+                Remedy(f"use at most {words.replace('part', 'shard')}"),
+            )
+        )
+    return locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
 
 
 def pack_folder(study: Study, out: Path) -> Execution:
@@ -215,7 +227,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; complete every shard, "
                 "or use eqt run (for a sweep eqt sweep), which computes the missing parts"
             )
-        return _Session(study, folder, Serial()).run(False, None)
+        return Session(study, folder, Serial()).run(False, None)
 
 
 def _restore_manifest(study: Study, folder: ResultFolder) -> None:
@@ -273,7 +285,9 @@ def timed(seconds: dict[str, float], name: str, without: str = "") -> Iterator[N
 
 
 @dataclass
-class _Session:
+class Session:
+    """Computes what is missing of a study in a folder, which it holds until it ends."""
+
     study: Study
     folder: ResultFolder
     executor: Executor
@@ -287,7 +301,7 @@ class _Session:
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
         earlier = self.folder.manifest
-        manifest = self._manifest(
+        manifest = self.manifest_of(
             earlier, afresh=force or not (shard or self.folder.finished_runs(self.study))
         )
         removed = self.folder.claim(self.study, manifest, force)
@@ -301,7 +315,7 @@ class _Session:
         with ExitStack() as unless_packed:
             unless_packed.callback(self.task.save)
             with timed(self.seconds, "simulation", without=COMPILING):
-                self._compute(self.task, wanted)
+                self.compute(self.task, wanted)
             finished = self.task.finished()
             if lost := [number for number in wanted if number not in finished]:
                 raise EqtError(
@@ -327,12 +341,9 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest
-        here = _origin(self.study)
-        earlier = manifest.get("provenance", here)
-        self._remark_versions([earlier], here)
-        self.origin = together(earlier, here)
+        self.note_earlier(manifest)
         with timed(self.seconds, "simulation", without=COMPILING):
-            self._compute(again)
+            self.compute(again)
         with timed(self.seconds, "writing"):
             still = replace_runs(again, self.folder, self.origin)
         self.folder.finish(manifest | {"failed": still, "provenance": self.origin})
@@ -340,7 +351,14 @@ class _Session:
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
-    def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
+    def note_earlier(self, manifest: Mapping[str, Any]) -> None:
+        """Add this session to those of a result, and remark if their versions differ."""
+        here = _origin(self.study)
+        earlier = manifest.get("provenance", here)
+        self._remark_versions([earlier], here)
+        self.origin = together(earlier, here)
+
+    def compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
         """Compute the missing parts of a task, among all or the wanted ones."""
         wanted = range(len(task)) if wanted is None else wanted
         missing = task.missing(wanted)
@@ -373,7 +391,7 @@ class _Session:
                     raise
                 mended.add(broken.path)
                 broken.path.unlink(missing_ok=True)
-                self._compute(self.task)
+                self.compute(self.task)
 
     def _remark_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Remark if some runs were computed with other versions."""
@@ -395,7 +413,7 @@ class _Session:
             agree = "its runs agree with the others within tolerances, not bit for bit"
             reporter().remark(EqtWarning(f"a worker has {words}: {agree}"))
 
-    def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
+    def manifest_of(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
         origin = _origin(study)
@@ -456,7 +474,11 @@ class BrokenPart(ResultError):
 
 
 def pack(
-    task: PartTask, folder: ResultFolder, origin: dict[str, Any], seconds: dict[str, float]
+    task: PartTask,
+    folder: ResultFolder,
+    origin: dict[str, Any],
+    seconds: dict[str, float],
+    taken: Callable[[int, Assembly], Works] | None = None,
 ) -> None:
     """Write the result file from all parts, which must exist.
 
@@ -470,6 +492,8 @@ def pack(
         Where its numbers come from.
     seconds
         Wall times of what was done; receives that of the cross-check.
+    taken
+        Writes first what is taken over from other results into the file of a piece.
 
     Raises
     ------
@@ -489,7 +513,11 @@ def pack(
             with new_result_file(piece, path) as file:
                 for name, values in (task.shared(index) or {}).items():
                     file.put(name, values[::decimate])
-                checked.append(_put_parts(task, piece, parts[index], file, times))
+                earlier = taken(index, file) if taken else {}
+                states, works = _put_parts(task, piece, parts[index], file, times)
+                for label, work in earlier.items():
+                    works[label] = max(works.get(label, 0.0), work)
+                checked.append((states, works))
                 if not study.is_ragged:
                     packing.close()  # the cross-check is another step
                     checks = _cross_checked(study, checked, seconds)

@@ -6,3 +6,4 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function("rules of a sweep", "rules.Rules")
+    extension.add_function("run --grow", "growth.grow")

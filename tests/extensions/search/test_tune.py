@@ -94,7 +94,7 @@ def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(searched)
 
 def test_a_second_session_computes_nothing_and_finds_the_same(small, searched, monkeypatch):
     done, folder = searched
-    monkeypatch.setattr("eqt_cli.runs.run_study._Session.run", None)
+    monkeypatch.setattr("eqt_cli.runs.run_study.Session.run", None)
     assert api.tune(small, folder).record == done.record
 
 

@@ -184,7 +184,7 @@ def test_a_run_that_amplifies_rounding_is_told(searched, seen, value):
 
 def test_a_second_session_computes_nothing_and_finds_the_same(searched, monkeypatch):
     done, folder = searched
-    monkeypatch.setattr("eqt_cli.runs.run_study._Session.run", None)
+    monkeypatch.setattr("eqt_cli.runs.run_study.Session.run", None)
     monkeypatch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 4)
     assert api.worst(deepcopy(WHEEL), folder).record == done.record
 

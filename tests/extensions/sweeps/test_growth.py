@@ -1,0 +1,58 @@
+"""Results that grow: bit for bit what a run from nothing gives."""
+
+import pytest
+from case_tables import from_yaml, table_of
+from faults_harness import assert_equal, contents
+from said import error_of, says
+from small_experiment import mapping
+
+from eqt_cli.api import run
+
+
+def grown(folder, before, after, engine):
+    changes = {"solver": {"rtol": 1e-6, "engine": engine}, "time": {"duration": 0.5, "samples": 6}}
+    before, after = (
+        mapping(**{**changes, **each, "solver": changes["solver"] | each.get("solver", {})})
+        for each in (before, after)
+    )
+    run(before | {"name": "x"}, folder / "grown")
+    done = run(after | {"name": "x"}, folder / "grown", grow=True)
+    return done, contents(run(after | {"name": "x"}, folder / "whole").path)
+
+
+@pytest.mark.filterwarnings("ignore:.*solves runs in blocks")
+@from_yaml
+def test_a_grown_result_is_that_of_a_run_from_nothing(tmp_path, before, after, engine, taken):
+    done, whole = grown(tmp_path, before, after, engine)
+    assert done.outcome.taken == taken
+    assert_equal(done.path, whole)
+    assert {each.name for each in done.path.iterdir()} <= {
+        *("results.h5", "config.yaml", "manifest.json", "shapes")
+    }
+
+
+def test_the_table_has_both_engines_and_points_of_several_shapes():
+    cases = table_of(test_a_grown_result_is_that_of_a_run_from_nothing)
+    assert {case["engine"] for case in cases} == {"native", "solve_ivp"}
+
+
+def test_nothing_of_a_result_is_lost(tmp_path):
+    grid = {"sweep": [{"grid": {"gains.kp": [1, 2]}}], "solver": {"cross_check": 0}}
+    small = {"time": {"duration": 0.1, "samples": 2}, "name": "x"}
+    run(mapping(**grid, **small), tmp_path / "r")
+    before = (tmp_path / "r" / "results.h5").read_bytes()
+    for changes, said in (
+        ({"controllers": ["eqt"]}, "gt at point 0, gt at point 1; keep them…"),
+        ({"sweep": [{"grid": {"gains.kp": [2]}}]}, "eqt at point 0, gt at point 0; keep…"),
+        ({"ensemble": {"runs": 2, "seed": 1}}, "runs 2 to 2; keep…"),
+        ({"inertia": [1, 1, 1]}, None),
+    ):
+        other = mapping(**{**grid, **small, **changes})
+        message = error_of(run, other, tmp_path / "r", grow=True)
+        if said:
+            assert says(message, f"{tmp_path}/r: holds what the configuration leaves out: {said}")
+        else:
+            assert "holds another experiment, which differs in\n  inertia[0]: 2" in message
+        assert (tmp_path / "r" / "results.h5").read_bytes() == before
+    message = error_of(run, other, tmp_path / "r", grow=True, force=True)
+    assert says(message, "…a result grows in one session…")
