@@ -59,7 +59,7 @@ _OFFERED: dict[str, tuple[str, ...]] = {
     "a time": ("s", "ms", "us", "min", "h"),
     "an angle": ("rad", "mrad", "deg", "arcmin", "arcsec"),
     "a length": ("m", "cm", "mm", "km"),
-    "an angular velocity": ("rad/s", "deg/s", "rpm"),
+    "an angular velocity": ("rad/s", "deg/s", "deg/h", "rpm"),
     "a velocity": ("m/s", "cm/s", "mm/s", "km/h"),
     "an acceleration": ("m/s^2", "ug", "mg"),
     "an angular acceleration": ("rad/s^2", "deg/s^2"),

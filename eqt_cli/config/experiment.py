@@ -504,8 +504,10 @@ def _check_window(
         return
     start, end = window.start, time.duration
     stop = end if window.stop is None else window.stop
-    if start >= end:
-        problems.at("start").add(f"expected less than time.duration, {end:g} s, got {start:g}")
+    if not 0 <= start < end:
+        problems.at("start").add(
+            f"expected 0 or more, and less than time.duration, {end:g} s, got {start:g}"
+        )
     elif stop > end:
         problems.at("stop").add(f"expected at most time.duration, {end:g} s, got {stop:g}")
     elif stop <= start:

@@ -491,7 +491,7 @@ class MeasureSection(Section):
         Where it ends; default: at the end of the runs.
     """
 
-    start: Annotated[Real, Field(ge=0), Unit("s")] = 0.0
+    start: Offset = 0.0
     stop: Annotated[Positive | None, Unit("s")] = None
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, suggestion
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import step
+from eqt_cli.base.reporting import listed, step
 from eqt_cli.base.stored import Status, signal_of
 from eqt_cli.config.document import changed_at
 from eqt_cli.config.study import Study, study
@@ -342,10 +342,14 @@ def _stays(squares: dict[tuple[str, str], Array]) -> Iterator[Row]:
 
 def _error_of(base: Study, wished: str) -> str:
     """Return the wished error, or the first one that the loops have."""
-    present = [name for name in ERRORS if name in existing(base.base.loop)]
+    loop = base.base.loop
+    known = existing(loop)
+    present = [name for name in ERRORS if name in known and known[name][0].exists_for(loop)]
     if not present:
         raise EqtError(f"{base.name}: has none of the errors {', '.join(ERRORS)}")
     if wished and wished not in present:
+        if wished in ERRORS:
+            raise EqtError(f"{base.name} has no {wished}; it has {listed(present)}")
         hint = suggestion(wished, present) or f"; there are: {', '.join(present)}"
         raise EqtError(f"unknown error '{wished}'{hint}")
     return wished or present[0]
@@ -411,12 +415,16 @@ def budget(
             "other inertia"
         )
     error = _error_of(base, error)
+    times = np.asarray(base.base.times)
+    rounding = 1e-9 * times[-1]
+    inside = (times >= window.start - rounding) & (times <= window.stop + rounding)
+    if inside.sum() < 2:
+        raise InputError(
+            f"window {window} holds {inside.sum()} samples, expected at least 2; the runs last "
+            f"{times[-1]:g} s, with a sample every {times[1]:g} s"
+        )
     variants = list(_variants(base, sources))
     status, errors = _computed(_Variants(base, tuple(variants), error), executor)
-    times = np.asarray(base.base.times)
-    inside = (times >= window.start) & (times <= window.stop)
-    if inside.sum() < 2:
-        raise InputError(f"window {window}: holds {inside.sum()} samples, expected at least 2")
     errors = errors[..., inside]
     good = (status == Status.OK).all(axis=0)
     laws = []

@@ -55,6 +55,10 @@ def budget(
     for share in shares:
         if not 0 < share < 1:
             raise EqtError(f"--quantile: expected a share between 0 and 1, got {share:g}")
+    if figure:
+        from eqt_cli.extensions.budget.figures import format_of
+
+        format_of(figure)  # before the runs
     over = Window.parse(window) if window else None
     document = options.document_of(config, set_, engine, trust_plugins=trust_plugins)
     study = options.study_at(document, point, "computed without")

@@ -21,6 +21,20 @@ _ROW = 0.2
 """Height of a row, in."""
 
 
+def format_of(path: Path) -> Format:
+    """Return the format of a file.
+
+    Raises
+    ------
+    EqtError
+        For another kind of file.
+    """
+    format: Format | None = next((x for x in get_args(Format) if path.suffix == f".{x}"), None)
+    if format is None:
+        raise EqtError(f"--figure {path}: expected a file that ends in .pdf, .svg or .png")
+    return format
+
+
 def draw(said: BudgetInWords, path: Path) -> None:
     """Draw the budget of each law in a panel of its own, in a pdf, svg or png.
 
@@ -29,9 +43,7 @@ def draw(said: BudgetInWords, path: Path) -> None:
     EqtError
         For another kind of file, or one that cannot be written.
     """
-    format = next((name for name in get_args(Format) if path.suffix == f".{name}"), None)
-    if format is None:
-        raise EqtError(f"--figure {path}: expected a file that ends in .pdf, .svg or .png")
+    format = format_of(path)
     made = said.budget
     unit, scale = said.unit, said.scale
     with house_style():
