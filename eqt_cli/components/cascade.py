@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator
@@ -14,10 +14,25 @@ from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale
 from eqt_cli.base.registry import Keys
 from eqt_cli.components import laws
-from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
+from eqt_cli.components.actuators import (
+    EXCESS,
+    AntiWindup,
+    BackCalculation,
+    excess,
+    limited_parts,
+    unwound,
+)
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import Controller, Designed, OuterLoop, ReadsLimits, controllers
+from eqt_cli.components.laws import (
+    Controller,
+    Designed,
+    EachAxis,
+    OuterLoop,
+    ReadsLimits,
+    check_each_axis,
+    controllers,
+)
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
@@ -49,13 +64,10 @@ computed again, s."""
 ATTITUDE = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
 
-if TYPE_CHECKING:
-    EachAxis: TypeAlias = Any  # float | Array, which a series does not multiply by its type
-else:
-    EachAxis = Annotated[
-        Positive | list[Positive],
-        AfterValidator(lambda k: np.array(k, dtype=float) if isinstance(k, list) else k),
-    ]
+
+def _or_none(ki: Any) -> Any:
+    """Return gains of an integral as they are used, None where all are 0."""
+    return (np.array(ki, dtype=float) if isinstance(ki, list) else ki) if np.any(ki) else None
 
 
 OF_FORCE = {"kx": "k_x", "kv": "k_v"}
@@ -73,10 +85,10 @@ class PositionGains(Keys):
     kv
         k_v, 1/s, likewise.
     ki
-        k_i, 1/s³; without it, there is no integral.
+        k_i, 1/s³, likewise; 0 along an axis leaves it out there. Without it, there is no integral.
     c1
-        c₁, 1/s, for an integral of ė + c₁ e, which k_i, now 1/s², turns into an estimate of the
-        acceleration by unknown forces. The rates of the attitude read it, too.
+        c₁, 1/s, likewise, for an integral of ė + c₁ e, which k_i, now 1/s², turns into an estimate
+        of the acceleration by unknown forces. The rates of the attitude read it, too.
     limit
         l of sat(u) = u/√(1 + |u|²/l²), m/s²; none if left out. It keeps the force away from 0.
     period
@@ -94,9 +106,9 @@ class PositionGains(Keys):
     kx: Annotated[EachAxis | None, Scale("k_x", "1/s^2", is_symbol=True)] = None
     kv: Annotated[EachAxis | None, Scale("k_v", "1/s", is_symbol=True)] = None
     ki: Annotated[
-        Real | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(lambda ki: ki or None)
+        Real | list[Real] | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(_or_none)
     ] = None
-    c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
+    c1: Annotated[EachAxis | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
     anti_windup: AntiWindup = "none"
@@ -112,11 +124,16 @@ class PositionGains(Keys):
                 problems.at(name).add(f"expected {name}, or {of_force} of the force, got {got}")
             for key in keys:
                 check_each_axis(getattr(self, key), space, problems.at(key))
-        if self.ki is not None and self.ki < 0:
+        for name in ("ki", "c1"):
+            check_each_axis(getattr(self, name), space, problems.at(name))
+        least = 1.0 if self.ki is None else np.min(self.ki)
+        if least < 0:
             problems.at("ki").add(
-                f"expected at least 0, got {self.ki:g}; an integral of the wrong sign makes any "
+                f"expected at least 0, got {least:g}; an integral of the wrong sign makes any "
                 "offset grow"
             )
+        elif least == 0 and isinstance(self.anti_windup, BackCalculation):
+            problems.at("ki").add("expected numbers above 0, which back_calculation needs")
         if self.c1 is not None and self.ki is None:
             problems.at("c1").add("applies to the integral only; add ki")
         if self.anti_windup != "none" and self.ki is None:
@@ -128,12 +145,6 @@ class PositionGains(Keys):
             return u
         share = u / self.limit
         return u / sqrt(1.0 + dot(share, share))[..., None]
-
-
-def check_each_axis(gain: EachAxis, axes: int, problems: Problems) -> None:
-    """Note a list of gains that has not one for each axis."""
-    if np.ndim(gain) and np.size(gain) != axes:
-        problems.add(f"expected a number, or {axes} of them, got {np.size(gain)}")
 
 
 class Inside(NamedTuple):
@@ -523,8 +534,9 @@ class Cascade(OuterLoop, ReadsLimits):
         inside.tracking.once(EXCESS, lambda _: x[..., :turns])
         if self.position.anti_windup == "none":
             return inside.integrand
-        axis, ki = np.array(self.direction), self.position.ki
+        axis = np.array(self.direction)
         b = rigid(s.G).rotation(s.Q) @ axis
+        ki = dot(self.position.ki * b, b)[..., None]
         along, cut = dot(inside.integrand, b)[..., None], dot(x[..., turns:], axis)[..., None]
         new = unwound(self.position.anti_windup, along, cut / _mass(s), ki)
         return inside.integrand + (new - along) * b

@@ -13,7 +13,14 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import HasHalfTurns, MatrixLieGroup, log_force
-from eqt_cli.components.laws import BODY_ENERGY, Controller, ReadsLimits, published
+from eqt_cli.components.laws import (
+    BODY_ENERGY,
+    Controller,
+    EachAxis,
+    ReadsLimits,
+    check_each_axis,
+    published,
+)
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import with_fields
@@ -365,7 +372,8 @@ class Goodarzi2013(ReadsLimits):
     Attributes
     ----------
     ki
-        k_I, N m/rad. Default: a tenth of the least stiffness H of Υ, 0.2 on SO(3) with K = I.
+        k_I, N m/rad: a number, or one for each axis. Default: a tenth of the least stiffness H of
+        Υ, 0.2 on SO(3) with K = I.
     c2
         c₂, 1/s. Default: offsets decay at k_I c₂/(k_I + H) = ¼ min(H/K_d, K_d/𝕀), along the axis
         where this is least; a quarter of what loses stability or less.
@@ -384,7 +392,7 @@ class Goodarzi2013(ReadsLimits):
     theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     bibtex: ClassVar[str] = published("goodarzi2013geometric")
 
-    ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
+    ki: Annotated[EachAxis, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5
     bound: Annotated[Positive | None, Unit(POSE)] = None
     anti_windup: AntiWindup = field(default="none", kw_only=True)
@@ -403,7 +411,12 @@ class Goodarzi2013(ReadsLimits):
         J, D = map(np.diagonal, (plant.inertia.at(0.0).matrix, gains.K_d))
         H = np.diagonal(hessian_at_identity(G, gains.K))
         rate = float(np.minimum(H / D, D / J).min()) / 4
-        return with_fields(law, c2=rate * (1 + float(H.min()) / law.ki))
+        return with_fields(law, c2=rate * (1 + float(np.min(H.min() / law.ki))))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note gains of the integral that are not for each axis."""
+        super().check(G, problems)
+        check_each_axis(self.ki, G.dimension, problems.at("ki"))
 
     output_units: ClassVar[Mapping[str, str]] = {"integral": "rad"}
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     ClassVar,
@@ -13,12 +14,13 @@ from typing import (
     NamedTuple,
     Protocol,
     Self,
+    TypeAlias,
     TypeVar,
     runtime_checkable,
 )
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from eqt_cli.base.arrays import Array, Arrays, dot
 from eqt_cli.base.errors import Problems
@@ -34,6 +36,21 @@ from eqt_cli.numbers.leaves import structure, with_fields
 Law = TypeVar("Law", bound="Controller")
 
 # Base class of control laws, and what they are published in --------------------------------------
+
+
+if TYPE_CHECKING:
+    EachAxis: TypeAlias = Any  # float | Array, which a series does not multiply by its type
+else:
+    EachAxis = Annotated[
+        Positive | list[Positive],
+        AfterValidator(lambda k: np.array(k, dtype=float) if isinstance(k, list) else k),
+    ]
+
+
+def check_each_axis(gain: EachAxis, axes: int, problems: Problems) -> None:
+    """Note a list of gains that has not one for each axis."""
+    if np.ndim(gain) and np.size(gain) != axes:
+        problems.add(f"expected a number, or {axes} of them, got {np.size(gain)}")
 
 
 @cache

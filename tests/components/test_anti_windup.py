@@ -270,3 +270,53 @@ def test_margins_are_those_off_the_limits(invoke, tmp_path):
     assert "anti-windup" not in said["none"]
     first = [text.split("Goodarzi 2013", 1)[1][:40] for text in said.values()]
     assert first[0] == first[1] == first[2]
+
+
+# Gains of an integral for each axis ---------------------------------------------------------------
+
+SPREAD = np.array([0.1, 0.3, 0.8])
+
+
+def random_state(loop):
+    """A state of a loop at which nothing is 0, with its integral."""
+    random = np.random.default_rng(3)
+    G = loop.group
+    Q, Qd = G.exp(0.4 * random.normal(size=(2, G.dimension)))
+    V, Vd = random.normal(size=(2, G.dimension))
+    state = loop.initial_state(Q, V, Qd, Vd)
+    z = loop.layout.slices["controller.integral"]
+    state[..., z] = random.normal(size=z.stop - z.start)
+    return loop.tracking(0.3, state)
+
+
+def test_each_axis_has_its_own_gain_of_the_integral(experiment_of):
+    entry = {"kind": "goodarzi2013", "c2": 0.4}
+    config = turn("none", "native") | {
+        "controllers": [entry | {"ki": SPREAD.tolist()}, entry | {"ki": 0.2, "label": "one"}]
+    }
+    loops = experiment_of(yaml.safe_dump(config)).loops
+    spread, one = (random_state(loops[label]) for label in ("goodarzi2013", "one"))
+    z = spread.memory["integral"]
+    apart = loops["goodarzi2013"].law.torque(spread) - loops["one"].law.torque(one)
+    np.testing.assert_allclose(apart, -(SPREAD - 0.2) * z, rtol=0, atol=1e-14)
+    stored = loops["goodarzi2013"].lyapunov(spread) - loops["one"].lyapunov(one)
+    np.testing.assert_allclose(stored, (SPREAD - 0.2) @ z**2 / 2, rtol=0, atol=1e-14)
+
+
+def test_the_position_loop_may_have_an_integral_along_one_axis_only(experiment_of):
+    config = climb("none", "native")
+    [law] = config["controllers"]
+    c1 = np.array([0.5, 1.0, 2.0])
+    position = law["position"] | {"ki": [0.0, 0.0, 0.9]}
+    config["controllers"] = [
+        law | {"position": position | {"c1": c1.tolist()}, "rates": "none", "label": "z"},
+        law | {"position": position | {"ki": 0.4}, "rates": "none", "label": "alike"},
+    ]
+    loops = experiment_of(yaml.safe_dump(config)).loops
+    z, alike = (random_state(loops[label]) for label in ("z", "alike"))
+    inside = loops["z"].law.commanded(z)
+    apart = inside.acceleration - loops["alike"].law.commanded(alike).acceleration
+    expected = (0.4 - np.array([0.0, 0.0, 0.9])) * z.memory["integral"]
+    np.testing.assert_allclose(apart, expected, rtol=0, atol=1e-14)
+    p, v = z.Q[:3, 3], z.Q[:3, :3] @ z.V[3:]  # the reference rests at 0
+    np.testing.assert_allclose(inside.integrand, v + c1 * p, rtol=0, atol=1e-14)
