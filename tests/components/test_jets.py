@@ -192,6 +192,18 @@ def test_a_jet_that_rests_is_at_no_limit():
         np.testing.assert_allclose(part.within(SO3, np.array(command), x), expected, atol=1e-12)
 
 
+def test_valves_of_jets_that_lag_act_as_those_without_a_lag():
+    options = {"matrix": MATRIX.tolist(), "low": 0.0, "high": 1.0, "period": STEP}
+    options |= {"allocation": Priority("priority", ["torque"]), "jets": Jets(0.02, 0.2)}
+    ideal, lagging = (
+        Thrusters(**options, **lag).of_run(SO3, None) for lag in ({}, {"time_constant": 0.1})
+    )
+    x, command = np.random.default_rng(1).uniform(0, 1, lagging.states(SO3)), np.array([0.3, 0, 0])
+    valves, thrusts = np.split(x, [ideal.states(SO3)])
+    expected = [*ideal.step(SO3, command, valves, STEP), *thrusts]
+    assert lagging.step(SO3, command, x, STEP).tolist() == expected
+
+
 def test_thrusters_that_lag_burn_what_they_push(solved):
     """∫Σ|f| dt/(g₀ isp) of a lag T ḟ = B⁺u − f under a law that acts at all times."""
     text = TEXT.replace("ENGINE", "native")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import simpson
@@ -109,6 +109,7 @@ def test_a_window_is_one_by_one_what_it_is_all_at_once(name):
 
 
 @given(st.lists(st.floats(0.01, 10.0), min_size=1, max_size=12))
+@example([0.3, 2.0, 0.5])  # the last interval of an odd number
 def test_weights_are_those_of_numpy_and_scipy(steps):
     times = np.cumsum([0.3, *steps])
     unit = np.eye(len(times))

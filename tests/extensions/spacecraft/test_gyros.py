@@ -170,8 +170,9 @@ def test_a_vehicle_has_one_entry_of_gyros(experiment_of):
 def test_a_pyramid_without_all_torques_is_remarked_on(degrees, said):
     """All t are in the plane of upright gimbals, and at the start along z about level ones."""
     part = Gyros(pyramid=np.radians(degrees), momentum=1.0, inertia=0.1, gain=0.5)
-    told = [*part.remarks(group_named("SO3"), np.eye(3))]
-    assert len(told) == bool(said) and all(said in text for text in told)
+    for name, axes in (("SO3", 3), ("SE3", 6)):
+        told = [*part.remarks(group_named(name), np.eye(axes))]
+        assert len(told) == bool(said) and all(said in text for text in told)
 
 
 def test_a_singularity_loses_torque_and_stays_finite():

@@ -128,6 +128,8 @@ def test_b_dot_is_that_of_a_plain_program(solved, engine):
     np.testing.assert_allclose(s.V[0], found[:, 9:], rtol=0, atol=1e-9)
     asked = problem.loop.command(s)[0]
     np.testing.assert_allclose(asked[:-1], dipoles, rtol=0, atol=1e-9)
+    energy = 0.5 * (found[:, 9:] ** 2 @ np.diag(J))
+    np.testing.assert_allclose(problem.loop.lyapunov(s)[0], energy, rtol=1e-7)
 
 
 CONTINUOUS = TEXT.replace("control: {period: 0.5}\n", "").replace("samples: 41", "samples: 11")
@@ -232,6 +234,15 @@ def test_a_check_names_the_direction_and_the_mean(experiment_of):
     assert first in said
     assert f"over {2 * np.pi / RATE:.0f} s, {shares[0]} of a torque about [" in said
     assert said.endswith(f"] remains, {shares[1]} and {shares[2]} across it")
+
+
+def test_of_a_field_by_expressions_the_mean_is_over_an_hour_and_a_half():
+    """A field that turns once about z in this time: ½ about each axis of the plane, 1 about z."""
+    flux = ["3e-5*cos(pi*t/2700)", "3e-5*sin(pi*t/2700)", 0.0]
+    [said] = (
+        Magnetorquers(flux=flux, limit=0.2, takes="dipole").of_run(G, None).remarks(G, np.eye(3))
+    )
+    assert mentions(said, "in the mean over 5400 s, 0.5 of…, 0.5 and 1.0 across it")
 
 
 def rotated(q, x, y, z, B):
