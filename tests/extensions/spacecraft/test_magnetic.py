@@ -13,6 +13,7 @@ from eqt_cli.components.blocks import signals
 from eqt_cli.config.remarks import remarks
 from eqt_cli.extend import Native, group_named
 from eqt_cli.extensions.spacecraft.magnetic import Magnetorquers, Orbit
+from eqt_cli.numbers.leaves import with_fields
 
 J = np.diag([0.042, 0.040, 0.0067])
 ORBIT = "{altitude: 500 km, inclination: 97.4 deg, node: 20 deg, phase: 35 deg}"
@@ -243,6 +244,19 @@ def test_of_a_field_by_expressions_the_mean_is_over_an_hour_and_a_half():
         Magnetorquers(flux=flux, limit=0.2, takes="dipole").of_run(G, None).remarks(G, np.eye(3))
     )
     assert mentions(said, "in the mean over 5400 s, 0.5 of…, 0.5 and 1.0 across it")
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"takes": "dipole"}, [0.2, -0.1, 0.2]),
+        ({"takes": "torque", "dump": 1.0}, [0.5, -0.1, 0.3]),  # by the wheels
+    ],
+)
+def test_limits_cut_dipoles_and_no_torque_that_wheels_give(options, expected):
+    part = Magnetorquers(flux=[2e-5, -1e-5, 3e-5], limit=0.2, **options).of_run(G, None)
+    part = with_fields(part, moving=(part.in_space(0.0), np.ones(3)))  # of wheels, with `dump`
+    assert part.within(G, np.array([0.5, -0.1, 0.3]), np.zeros(0)).tolist() == expected
 
 
 def rotated(q, x, y, z, B):

@@ -100,6 +100,24 @@ def test_the_total_momentum_is_constant(solved, engine, sampled):
     assert np.abs(h - h[0]).max() > 1e-3
 
 
+DRIVE = {"command": "speed", "gain": 2e-4, "ki": 1e-3}
+
+
+@pytest.mark.parametrize("drive", [{}, DRIVE], ids=["torque", "speed"])
+def test_friction_by_stribeck_breaks_away_at_its_largest_torque(drive):
+    """c Ω + T_c tanh(10 x) + (T_s − T_c) x e^((1 − x²)/2), x = Ω/Ω_b: T_s + c Ω_b at x = 1."""
+    G, x, (c, Tc, Ts, Wb) = group_named("SO3"), np.array([1, -0.3, 0.1, 5]), (5e-9, 2e-5, 4e-5, 20)
+    friction = Friction(viscous=c, coulomb=Tc, static=Ts, breakaway=Wb)
+    part = Wheels(pyramid=0.9, limit=1.0, inertia=SPIN, friction=friction, **drive).of_run(G, None)
+    state = np.concatenate([np.zeros(part.states(G) - 4), SPIN * Wb * x])
+    _, rates = part.reaction(G, np.zeros(3), state)
+    curve = c * Wb * x + Tc * np.tanh(10 * x) + (Ts - Tc) * x * np.exp((1 - x * x) / 2)
+    # A drive whose integral holds a speed has the torque of its motor and its error as states.
+    of_drive = [*curve, 0.0, 0.0, 0.0, 0.0] if drive else []
+    np.testing.assert_allclose(rates, [*of_drive, *-curve], rtol=1e-13)
+    assert -rates[-4] == pytest.approx(Ts + c * Wb, rel=1e-8)
+
+
 DRIVEN = (
     "{kind: wheels, pyramid: 54.7 deg, limit: 2 mN m, inertia: 2.0e-5, command: speed, gain: 2.0e-4"
     ", ki: 1.0e-3, friction: {viscous: 5.0e-9, coulomb: 2.0e-5, static: 4.0e-5, breakaway: 20.0}, "
