@@ -1,135 +1,46 @@
-"""Finds the differences between two results: configuration, provenance and numbers, bit by bit.
-
-Does not know what the numbers mean.
-"""
+"""The keys and stored files in which the configurations of two results differ."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
-from math import prod
 from typing import Any
 
-import numpy as np
-
-from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import KeyPath, dotted
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import renamed
 from eqt_cli.results.origin import KnownResult
 
-BLOCK_ENTRIES = 2**22
-"""Number of entries of a dataset that are read at once, or one along its longest axis."""
-
-_APART = ("config", "experiment", "provenance", "digest", "files", "plugins")
-"""Attributes that are compared entry by entry, or that follow from others."""
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """A dataset that differs between two results.
-
-    Attributes
-    ----------
-    name
-        Name of the variable or coordinate; preceded by the point if points differ in shape.
-    shapes
-        Shape in each result; None where it is missing.
-    different
-        Number of entries with different bits, of equal shapes.
-    largest
-        Largest difference of two entries; inf if only one of them is finite. None for text and for
-        different shapes.
-    """
-
-    name: str
-    shapes: tuple[tuple[int, ...] | None, tuple[int, ...] | None]
-    different: int = 0
-    largest: float | None = None
-
-
-@dataclass(frozen=True)
-class Differences:
-    """The differences between two results.
-
-    Attributes
-    ----------
-    configuration, attributes, provenance
-        Changes in keys of the configuration, in other attributes of the files, and in versions,
-        machine, time and command: a `key`, with its value in the `first` and in the `second`
-        result, where it is there.
-    datasets
-        Datasets that differ.
-    compared
-        Number of compared datasets.
-    """
-
-    configuration: list[dict[str, Any]]
-    attributes: list[dict[str, Any]]
-    provenance: list[dict[str, Any]]
-    datasets: list[Dataset]
-    compared: int
-
-    @property
-    def equal(self) -> bool:
-        """Whether the results are equal; their provenance may differ."""
-        return not (self.configuration or self.attributes or self.datasets)
-
-
-def differences(first: KnownResult, second: KnownResult) -> Differences:
-    """Compare two open results, entry by entry.
-
-    A stored file has the same name in both if its text is the same, since packing renames files.
-    """
-    both = first, second
-    configuration, texts, renamings = _configurations(both)
-    arrays = [_datasets(result) for result in both]
-    names = list(dict.fromkeys(chain(*arrays)))
-    compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
-    attributes = [
-        {key: value for key, value in result.attributes.items() if key not in _APART}
-        | {f"file {names[name]}": text for name, text in stored.items()}
-        for result, names, stored in zip(both, renamings, texts, strict=True)
-    ]
-    return Differences(
-        configuration,
-        _changes(*attributes),
-        _changes(*(dict(_leaves(result.provenance)) for result in both)),
-        [dataset for dataset in compared if dataset is not None],
-        len(names),
-    )
-
 
 def changed_keys(first: KnownResult, second: KnownResult) -> list[dict[str, Any]]:
     """Return the keys in which the configurations of two results differ, with both values."""
-    return _configurations((first, second))[0]
+    return configurations((first, second))[0]
 
 
 def changed_files(first: KnownResult, second: KnownResult) -> list[str]:
     """Return the names of stored files, such as plugins, that differ or that one result lacks."""
-    _, texts, renamings = _configurations((first, second))
+    _, texts, renamings = configurations((first, second))
     named = zip(texts, renamings, strict=True)
-    return [each["key"] for each in _changes(*({n[k]: x[k] for k in x} for x, n in named))]
+    return [each["key"] for each in changes(*({n[k]: x[k] for k in x} for x, n in named))]
 
 
 Texts = list[dict[str, str]]
 """A mapping of texts by their names for each of two results."""
 
 
-def _configurations(both: Sequence[KnownResult]) -> tuple[list[dict[str, Any]], Texts, Texts]:
+def configurations(both: Sequence[KnownResult]) -> tuple[list[dict[str, Any]], Texts, Texts]:
     """Return the changed keys, the texts of stored files, and their names in the first result."""
     documents = [document_of(result) for result in both]
     texts = [{**(x.home.plugins or {}), **x.home.files} for x in documents]
     in_first = {text: name for name, text in texts[0].items()}
     renamings = [{name: in_first.get(text, name) for name, text in x.items()} for x in texts]
     renaming = zip(documents, renamings, strict=True)
-    keys = [dict(_leaves(renamed(document.data, names))) for document, names in renaming]
-    return _changes(*keys), texts, renamings
+    keys = [dict(leaves(renamed(document.data, names))) for document, names in renaming]
+    return changes(*keys), texts, renamings
 
 
 # Keys ---------------------------------------------------------------------------------------------
 
 
-def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
+def leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
     """Yield the values of nested mappings and lists with their dotted keys."""
     inner: Any = None
     if isinstance(data, dict):
@@ -140,71 +51,14 @@ def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
         yield dotted(path), data
         return
     for key, value in inner:
-        yield from _leaves(value, (*path, key))
+        yield from leaves(value, (*path, key))
 
 
-def _changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[dict[str, Any]]:
+def changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the keys of unequal values: a `key`, with its value where a mapping has it."""
     sides = {"first": first, "second": second}
     return [
         {"key": key} | {side: values[key] for side, values in sides.items() if key in values}
         for key in dict.fromkeys(chain(first, second))
         if repr(first.get(key, ...)) != repr(second.get(key, ...))
     ]
-
-
-# Datasets -----------------------------------------------------------------------------------------
-
-Place = tuple[KnownResult, str]
-"""A dataset of a result or of one of its points."""
-
-
-def _datasets(result: KnownResult) -> dict[str, Place]:
-    datasets = {name: (result, name) for name in (*result.coordinates, *result.names)}
-    for number in result.shapes:
-        of_shape = result.of_shape(number)
-        for name in (*of_shape.coordinates, *of_shape.names):
-            datasets[f"shape {number}: {name}"] = (of_shape, name)
-    return datasets
-
-
-def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:
-    """Compare a dataset; None if it is equal in both."""
-    shapes = _shape(first), _shape(second)
-    if first is None or second is None or shapes[0] is None or shapes[0] != shapes[1]:
-        return Dataset(name, shapes)
-    different, largest = 0, None
-    for one, other in zip(_blocks(first, shapes[0]), _blocks(second, shapes[0]), strict=True):
-        text = one.dtype == object or other.dtype == object
-        differ = one != other if text else _bits(one) != _bits(other)
-        different += int(np.count_nonzero(differ))
-        if np.any(differ) and not text:
-            a, b = one[differ].astype(float), other[differ].astype(float)
-            with np.errstate(invalid="ignore", over="ignore"):
-                gaps = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
-            largest = max(largest or 0.0, float(np.where(np.isnan(gaps), np.inf, gaps).max()))
-    return Dataset(name, shapes, different, largest) if different else None
-
-
-def _shape(place: Place | None) -> tuple[int, ...] | None:
-    if place is None:
-        return None
-    result, name = place
-    return tuple(result.dimensions[dim] for dim in result.dims(name))
-
-
-def _blocks(place: Place, shape: tuple[int, ...]) -> Iterator[Array]:
-    """Yield a dataset in blocks of its longest axis that fit into memory."""
-    result, name = place
-    dims = result.dims(name)
-    if not dims:
-        yield np.asarray(result.read(name))
-        return
-    axis = int(np.argmax(shape))
-    step = max(1, BLOCK_ENTRIES * shape[axis] // max(1, prod(shape)))
-    for start in range(0, shape[axis], step):
-        yield np.asarray(result.read(name, **{dims[axis]: slice(start, start + step)}))
-
-
-def _bits(array: Array) -> Array:
-    """Return the bits of numbers, which distinguish NaNs and the signs of zeros."""
-    return np.asarray(array, dtype=float, order="C").view(np.uint64)

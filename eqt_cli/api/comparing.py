@@ -20,7 +20,6 @@ from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
-    from eqt_cli.analysis.differences import Differences
     from eqt_cli.analysis.maps import Map
 
 # Each function imports the analysis that it needs: together they take half a second.
@@ -298,36 +297,3 @@ def compare_sweep(
         how = Resampling(confidence, resamples, seed)
         chosen = [results.labels.index(label) for label in chosen_labels(results, controllers)]
         return [compare_map(results, name, how, chosen, settling=share) for name in metrics]
-
-
-def diff(first: ResultPath, second: ResultPath) -> Differences:
-    """Compare two results: configuration, provenance, and the numbers bit by bit.
-
-    Parameters
-    ----------
-    first, second
-        The result folders, or the files in them.
-
-    Returns
-    -------
-    Differences
-        The differences; ``equal`` is true if only the provenance differs.
-
-    Raises
-    ------
-    EqtError
-        If a result does not exist or is damaged.
-
-    Examples
-    --------
-    >>> again = eqt_cli.run(eqt_cli.load_experiment("results/paper/results.h5"), "again")
-    >>> eqt_cli.diff("results/paper", again).equal
-    True
-    """
-    from eqt_cli.analysis.differences import differences
-
-    with (
-        open_result(path_from("first", first)) as one,
-        open_result(path_from("second", second)) as other,
-    ):
-        return differences(one, other)

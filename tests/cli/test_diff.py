@@ -10,9 +10,9 @@ import pytest
 from said import says
 
 import eqt_cli
-from eqt_cli.analysis import differences
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.files import checksum_of
+from eqt_cli.extensions.diff import diff as differences
 
 BRIEF = (
     *("--set", "controllers=[eqt]", "--set", "ensemble.runs=1"),

@@ -12,7 +12,7 @@ import typer
 from eqt_cli.cli import options, output
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.differences import Dataset, Differences
+    from eqt_cli.extensions.diff.diff import Dataset, Differences
 
 LONGEST = 120
 """Maximum number of characters of a value in a table."""

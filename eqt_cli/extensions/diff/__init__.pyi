@@ -1,0 +1,1 @@
+from eqt_cli.extensions.diff.diff import diff as diff
