@@ -91,6 +91,7 @@ _OF_PART = {
     POSE: "{of}/{per} s",
     "magnetometer": "T",
     "accelerometer": "m/s^2",
+    "depth": "m",
 }
 """Units that differ between the parts of a group, by their velocity unit ``of/per``."""
 
@@ -122,9 +123,10 @@ class UnitPlace(NamedTuple):
         """Return the unit of each part by name, with its coordinates."""
         more, by_part = _MEASURED.get(unit, ""), {}
         unit = self.measured if unit in _MEASURED else unit
+        names = [part.name for part in self.group.parts]
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
-            if self.of in ("", part.name):
+            if self.of in ("", part.name) or self.of not in names:
                 part_unit = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
                 by_part[part.name] = part_unit + more, part.axes
         return by_part

@@ -20,7 +20,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import Gains, Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
-from eqt_cli.components.sensors import Channel, DynamicSensor, Errors
+from eqt_cli.components.sensors import Channel, DynamicSensor, Errors, depth_of
 from eqt_cli.components.vehicle import (
     ACTUATORS,
     CLOCKS,
@@ -532,6 +532,13 @@ class Noisy(Block):
         noise = None if now.errors is None else now.errors.felt
         return force if noise is None or not noise.shape[-1] else force + noise
 
+    def depth(self, now: Now) -> Array:
+        """Return Q with the last coordinate of the position as it is measured."""
+        Q, (part,) = now.s.Q.copy(), depth_of(now.s.G)
+        if now.errors is not None:
+            Q[(..., *part.entries)] = Q[(..., *part.entries)] + now.errors.depth[..., None]
+        return Q
+
 
 @dataclass(frozen=True)
 class Arrived(Block):
@@ -612,7 +619,7 @@ class Estimating(Block):
         ]
         flags = stack([flag + 0.0 * now.s.V[..., 0] for flag in fresh])
         arrived = now["arrived.pose"], now["arrived.velocity"]
-        measured = Measurement(*arrived, flags, now.s.Q, errors.bias)
+        measured = Measurement(*arrived, flags, now.s.Q, errors.bias, now)
         after = self.estimator.after(self.schedule, measured, estimator_states(x))
         return {f"{self.name}_{name}": values for name, values in after.items()}
 

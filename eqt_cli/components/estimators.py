@@ -15,7 +15,7 @@ from eqt_cli.base.registry import Registry
 from eqt_cli.components import mechanics
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.pose_notation import vector
-from eqt_cli.components.sensors import Channel
+from eqt_cli.components.sensors import FIXES, Channel
 from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_count, drawn
 from eqt_cli.numbers.leaves import with_fields
 
@@ -41,7 +41,7 @@ class Schedule:
     @cached_property
     def fixes(self) -> list[Channel]:
         """Measured parts of the pose."""
-        return [channel for channel in self.channels if channel.signal == "pose"]
+        return [channel for channel in self.channels if channel.signal in FIXES]
 
     @cached_property
     def rare(self) -> list[Channel]:
@@ -111,12 +111,15 @@ class Deviations(NamedTuple):
     bias, walk
         The root mean square of the bias of the velocity at t = 0, and the deviation of its drift
         after one second.
+    depth
+        That of the white noise of a measured depth, in the last coordinate.
     """
 
     pose: Array
     velocity: Array
     bias: Array
     walk: Array
+    depth: Array = np.empty(0)
 
 
 class Estimate(NamedTuple):
@@ -137,6 +140,8 @@ class Estimate(NamedTuple):
     drift, share : (..., m)
         For the next prediction: ticks through which the bias drifts, 0 without a measurement at
         its end, and the weight of that measurement, 0 where it is not known yet.
+    speed : (..., 3)
+        v̂ in space, m/s, of kinds that have it.
     """
 
     pose: Array
@@ -146,6 +151,7 @@ class Estimate(NamedTuple):
     age: Any = 0.0
     drift: Any = 1.0
     share: Any = 0.5
+    speed: Any = 0.0
 
 
 FIX = "fix_"
@@ -160,11 +166,14 @@ class Fix(NamedTuple):
     pose : (..., d, d)
         Q̂ with the measured parts in their place.
     arrived : (..., m)
-        1 for each measured coordinate, else 0.
+        1 for each measured coordinate, else 0; one more with a depth.
+    depth : (..., d, d)
+        Q̂ with the measured depth.
     """
 
     pose: Array
     arrived: Array
+    depth: Any = 0.0
 
 
 class Measurement(NamedTuple):
@@ -178,6 +187,8 @@ class Measurement(NamedTuple):
         1 for each `timed` part with a measurement now that will arrive, else 0.
     true_pose, true_bias
         Q and b, for the error and the start of the estimate.
+    ports
+        All ports of the vehicle, `blocks.Now`, for kinds that read more.
     """
 
     pose: Array
@@ -185,6 +196,13 @@ class Measurement(NamedTuple):
     fresh: Array
     true_pose: Array
     true_bias: Array
+    ports: Any = None
+
+    def of(self, channel: Channel) -> Array:
+        """Return the entries of a fix."""
+        pose = self.pose if channel.signal == "pose" else self.ports[f"arrived.{channel.signal}"]
+        entries: Array = pose[channel.entries]
+        return entries
 
 
 @dataclass(frozen=True)
@@ -360,7 +378,7 @@ class _Past:
         self._fresh = [*_cut(states.get("past_fresh"), parts, depth), measured.fresh]
         self._values = []
         for channel in schedule.fixes:
-            now = measured.pose[channel.entries]
+            now = measured.of(channel)
             now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
             ring = states.get(f"past_fix_{channel.part.name}")
             self._values.append([*_cut(ring, channel.size, schedule.waits(channel)), now])
@@ -426,15 +444,19 @@ def _weighed(schedule: Schedule, row: Arrays, here: Estimate) -> Estimate:
 
 def _fix(schedule: Schedule, row: Arrays, pose: Array) -> Fix:
     """Return the fix at the end of a step, at which the pose is that without it."""
-    fixed, arrived = pose.copy(), 0.0 * row["last"]
+    fixed, arrived, depth = pose.copy(), 0.0 * row["last"], pose
     for number, channel in enumerate(schedule.fixes):
         value, count = row[f"{FIX}{number}"], row["live"] * row[f"{FIX}{number}_fresh"]
         count = count + row.get(f"{FIX}starts", 0.0)
         was = pose[channel.entries]
         counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
+        if channel.signal == "depth":  # behind the pose, as in `channels`
+            depth, arrived = pose.copy(), np.concatenate([arrived, count], axis=-1)
+            depth[channel.entries] = where(counts, value.reshape(was.shape), was)
+            continue
         fixed[channel.entries] = where(counts, value.reshape(was.shape), was)
         arrived[..., channel.part.axes] = count
-    return Fix(fixed, arrived)
+    return Fix(fixed, arrived, depth)
 
 
 def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
@@ -682,9 +704,13 @@ class ErrorStateFilter(Estimator):
         if getattr(self, name) is not None:
             return f"expected deviations greater than 0 for the {part}, got 0"
         signal = name.partition("_")[0]
+        way = (
+            "; or let an accelerometer predict it, kind navigation" if part == "translation" else ""
+        )
         return (
             f"sensors.{signal} has no noise of the {part}, so the filter would take it as exact; "
             "add noise there, or give deviations greater than 0"
+            f"{way if signal == 'velocity' else ''}"
         )
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:

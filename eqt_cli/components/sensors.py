@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -85,7 +85,8 @@ class Sensor(vehicle_parts.VehiclePart):
 
     def axes(self, G: MatrixLieGroup) -> slice:
         """Return the measured coordinates: those of the part, or all."""
-        return next((part.axes for part in G.parts if part.name == self.of), slice(None))
+        parts = *G.parts, *depth_of(G)
+        return next((part.axes for part in parts if part.name == self.of), slice(None))
 
     def coordinates(self, G: MatrixLieGroup) -> int:
         """Return the number of measured coordinates."""
@@ -278,6 +279,9 @@ class Noise(Sensor):
 NOTHING, CHANNEL_MEASURED, FIRST = 0.0, 1.0, 2.0
 """Events of a channel at a tick; the first measurement is there from the start."""
 
+FIXES = "pose", "depth"
+"""Signals that are entries of a pose."""
+
 TIMING = ("period", "offset", "delay", "dropout")
 """Options that the entries of one part share."""
 
@@ -301,6 +305,8 @@ class Errors(NamedTuple):
     felt : (..., m)
         Errors of the specific force, m/s², as they are drawn; for a measurement that waits, the
         force itself; ``(0,)`` without an accelerometer.
+    depth : (..., 1)
+        Errors of the measured depth, m; ``(0,)`` without such a sensor.
     """
 
     pose: Array
@@ -309,6 +315,7 @@ class Errors(NamedTuple):
     bias: Array = np.empty(0)
     flux: Array = np.empty(0)
     felt: Array = np.empty(0)
+    depth: Array = np.empty(0)
 
     def of(self, *places: Any) -> "Errors":
         """Return the errors of some runs, or at some instants."""
@@ -331,7 +338,7 @@ class Channel:
     Attributes
     ----------
     signal
-        ``"pose"`` or ``"velocity"``.
+        ``"pose"`` or ``"velocity"``, or another one.
     shape
         Shape of the entries of a pose, or of the coordinates of a velocity.
     clock
@@ -365,7 +372,7 @@ class Channel:
     @property
     def entries(self) -> Any:
         """Index of the part in a pose, or in a velocity."""
-        return (..., *self.part.entries) if self.signal == "pose" else (..., self.part.axes)
+        return (..., *self.part.entries) if self.signal in FIXES else (..., self.part.axes)
 
     @property
     def size(self) -> int:
@@ -403,6 +410,15 @@ class Channel:
         return flags
 
 
+def depth_of(G: MatrixLieGroup) -> tuple[Part, ...]:
+    """Return the last coordinate of the position in space as a part; none without a position."""
+    if (whole := G.translation) is None:
+        return ()
+    (rows, columns), last = whole.entries, whole.axes.stop - 1
+    entries = slice(rows.stop - 1, rows.stop), columns
+    return (replace(whole, name="depth", axes=slice(last, last + 1), entries=entries),)
+
+
 def channels(
     G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], control: vehicle_parts.Sampling
 ) -> Iterator[Channel]:
@@ -416,7 +432,7 @@ def channels(
         Tick of the loop and clock of the law.
     """
     for signal, sensors in signals.items():
-        for part in G.parts:
+        for part in depth_of(G) if signal == "depth" else G.parts:
             measuring = [sensor for sensor in sensors if sensor.of in (None, part.name)]
             if not measuring:
                 continue
@@ -429,5 +445,5 @@ def channels(
             loses = next((sensor for sensor in measuring if sensor.loses), None)
             is_late = bool(delay) or loses is not None
             holds = is_late or timing["period"] is not None or not clock.acts_always
-            entries = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
+            entries = G.identity[part.entries] if signal in FIXES else G.basis[part.axes, 0, 0]
             yield Channel(signal, part, entries.shape, clock, delay, loses, holds)

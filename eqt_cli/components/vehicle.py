@@ -29,10 +29,10 @@ FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 INNER = "inner"
 """Key of the list of blocks that belong to one law, within its entry."""
 
-SIGNALS = "pose", "velocity", "magnetometer", "accelerometer"
+SIGNALS = "pose", "velocity", "magnetometer", "accelerometer", "depth"
 """Names of what is measured."""
 
-POSE, VELOCITY, FLUX, FELT = (f"sensors.{name}" for name in SIGNALS)
+POSE, VELOCITY, FLUX, FELT, DEPTH = (f"sensors.{name}" for name in SIGNALS)
 """Keys of the lists of measurement errors."""
 
 SENSOR = "sensor"
@@ -87,7 +87,7 @@ class Vehicle:
     model
         The inertia of the law's model, whose added part a current moves; None where not needed.
     more_sensors
-        Measurement errors of the magnetic field, and of the specific force, which add up.
+        Measurement errors of the magnetic field, of the specific force and of the depth.
     """
 
     inertia: TrueInertia | None = None
@@ -101,7 +101,7 @@ class Vehicle:
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
     model: InertiaLaw | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
     more_sensors: tuple[tuple[Sensor, ...], ...] = field(
-        default=((), ()), kw_only=True, metadata=STRUCTURE
+        default=((),) * 3, kw_only=True, metadata=STRUCTURE
     )
     inner: int = field(default=0, kw_only=True, metadata=STRUCTURE)
 
@@ -113,7 +113,7 @@ class Vehicle:
         lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces}
         lists |= {INNER: self.actuators[: self.inner], ACTUATORS: self.actuators[self.inner :]}
         lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
-        lists |= dict(zip((FLUX, FELT), self.more_sensors, strict=True))
+        lists |= dict(zip((FLUX, FELT, DEPTH), self.more_sensors, strict=True))
         parts: dict[str, Any] = {INERTIA: self.inertia}
         for name, listed in lists.items():
             parts |= {f"{name}[{k}]": part for k, part in enumerate(listed)}
@@ -227,7 +227,7 @@ class Vehicle:
     def error_lengths(self, G: MatrixLieGroup) -> tuple[int, ...]:
         """Return the number of entries of each part of `Errors`, as they are drawn for a tick."""
         m = G.dimension
-        more = 3 * bool(self.magnet), m * bool(self.more_sensors[1])
+        more = 3 * bool(self.magnet), m * bool(self.more_sensors[1]), 1 * bool(self.more_sensors[2])
         return m, m, len(self.holding(G)), m * self.estimates, *more
 
     def measurement_errors(
@@ -238,8 +238,9 @@ class Vehicle:
         The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
         shape, holding = (len(runs), instants), self.holding(G)
-        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX, FELT)}
-        *_, biased, in_field, feeling = self.error_lengths(G)
+        names = POSE, VELOCITY, FLUX, FELT, DEPTH
+        n = {name: np.zeros((*shape, G.dimension)) for name in names}
+        *_, biased, in_field, feeling, deep = self.error_lengths(G)
         bias = np.zeros((*shape, biased))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
@@ -247,35 +248,43 @@ class Vehicle:
             drawn = np.array([sensor.errors(*sizes, random_of(place)) for random_of in runs])
             errors, signal = drawn[:, last][..., columns], place.partition("[")[0]
             n[signal][..., axes] += errors
-            if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
+            if (
+                self.estimator
+                and signal in bias_signals(self)
+                and sensor.bias_deviation(G) is not None
+            ):
                 bias[..., axes] += errors
         arrived = [
             [channel.arrivals(instants, random_of(f"{channel.name}.arrived")) for random_of in runs]
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        more = n[FLUX][..., :in_field], n[FELT][..., :feeling]
+        more = n[FLUX][..., :in_field], n[FELT][..., :feeling], n[DEPTH][..., G.dimension - deep :]
         return Errors(n[POSE], n[VELOCITY], flags, bias, *more)
 
     # Estimates.
 
     def schedule(self, G: MatrixLieGroup) -> Schedule:
         """Return the measurement schedule for an estimator."""
-        channels = [part for part in self.channels(G) if part.signal in SIGNALS[:2]]
+        signals = SIGNALS if navigates(self) else SIGNALS[:2]
+        channels = [part for part in self.channels(G) if part.signal in signals]
         return Schedule(G, channels, self.tick)
 
     def deviations(self, G: MatrixLieGroup) -> Deviations:
         """Return the standard deviations of the errors that the sensors specify."""
-        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY, FLUX, FELT)}
+        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY, FLUX, FELT, DEPTH)}
         bias = np.zeros((2, G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
+            signal = place.partition("[")[0]
             if white is not None:
-                squares[place.partition("[")[0]][axes] += white[columns] ** 2
+                squares[signal][axes] += white[columns] ** 2
             drift = sensor.bias_deviation(G)
-            if drift is not None and place.startswith(VELOCITY):
+            if drift is not None and signal in bias_signals(self):
                 bias[:, axes] += np.array(drift)[:, columns] ** 2
-        return Deviations(np.sqrt(squares[POSE]), np.sqrt(squares[VELOCITY]), *np.sqrt(bias))
+        sensed = np.sqrt(sum(squares[signal] for signal in bias_signals(self)))
+        walk, depth = np.sqrt(bias[1]), np.sqrt(squares[DEPTH])
+        return Deviations(np.sqrt(squares[POSE]), sensed, np.sqrt(bias[0]), walk, depth)
 
     # From the command to the force that changes the momentum.
 
@@ -453,6 +462,16 @@ def pushes(vehicle: Vehicle, G: MatrixLieGroup) -> Array | None:
     return None
 
 
+def navigates(vehicle: Vehicle) -> bool:
+    """Return whether the estimator predicts by an accelerometer, and says so as laws do."""
+    return bool(getattr(vehicle.estimator, "reads_specific_force", False))
+
+
+def bias_signals(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the signals whose biases are estimated; a force stands for a velocity."""
+    return (VELOCITY, FELT) if navigates(vehicle) else (VELOCITY,)
+
+
 def taking_thrusts(vehicle: Vehicle) -> Any:
     """Return the thrusters to which the law commands thrusts; None where it commands a torque."""
     return next((part for part in vehicle.actuators if part.takes == THRUSTS), None)
@@ -494,6 +513,8 @@ def exactly_measured(G: MatrixLieGroup, vehicle: Vehicle) -> str:
     """
     known = {(channel.signal, channel.part.name) for channel in vehicle.channels(G)}
     words = []
+    if navigates(vehicle):
+        return ""
     for signal in ("velocity",) if vehicle.estimator else ("pose", "velocity"):
         parts = [part.name for part in G.parts if (signal, part.name) not in known]
         of = f" ({', '.join(parts)})" if len(parts) < len(G.parts) else ""

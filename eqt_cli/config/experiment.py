@@ -56,6 +56,7 @@ from eqt_cli.components.vehicle import (
     INNER,
     Vehicle,
     is_direct,
+    navigates,
     pushes,
     with_inner,
     without_inner,
@@ -466,14 +467,16 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     problems.raise_if_any()
     assert start
     felt = [label for label, law in laws.items() if reads_specific_force(law.law)]
-    if vehicle.more_sensors[1]:  # other laws do not pay for an accelerometer
-        bare = vehicle.more_sensors[0], ()
+    if vehicle.more_sensors[1] and not navigates(vehicle):
+        # Other laws do not pay for an accelerometer.
+        bare = vehicle.more_sensors[0], (), ()
         parts = {id(each): each.configured or each for each in vehicles.values()}
         unfelt = {k: replace(each, more_sensors=bare).of_run(G) for k, each in parts.items()}
         vehicles = {k: v if k in felt else unfelt[id(v)] for k, v in vehicles.items()}
         if not felt:
             problems.at("sensors", "accelerometer").add(
-                "is read by no law; write `linear: accelerometer` in one of kind indi, or remove it"
+                "is read by no law; write `linear: accelerometer` in one of kind indi or "
+                "`estimator: {kind: navigation}`, or remove it"
             )
     loops = {
         label: ClosedLoop(

@@ -146,12 +146,13 @@ InnerBlock = Annotated[Actuator, _InnerKind(actuators)]
 
 
 class _FeltKind(PartKind):
-    """Marks an error of an accelerometer, which is of the position alone."""
+    """Marks an error of an accelerometer or of a depth, which is of the position alone."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
-        """Return the sensor of the position."""
+        """Return the sensor of the position, or of its last coordinate."""
         if getattr(group, "translation", None) and isinstance(value, dict):
-            value = {"of": group.translation.name, **value}
+            is_depth = self.measured == "depth"
+            value = {"of": "depth" if is_depth else group.translation.name, **value}
         return super().checked(value, problems, group)
 
 
@@ -715,12 +716,15 @@ class SensorsSection(Section):
         B_m = B + b, likewise, in T: of the field of `magnetorquers` in the body.
     accelerometer
         a_m = a + b, likewise, in m/s²: of the acceleration less gravity, which a law may read.
+    depth
+        z_m = z + b, in m: of the last coordinate of the position, which `navigation` reads.
     """
 
     pose: list[PoseSensor] | None = None
     velocity: list[VelocitySensor] | None = None
     magnetometer: list[Annotated[Sensor, PartKind(sensors, "magnetometer")]] | None = None
     accelerometer: list[Annotated[Sensor, _FeltKind(sensors, "accelerometer")]] | None = None
+    depth: list[Annotated[Sensor, _FeltKind(sensors, "depth")]] | None = None
 
 
 class LogRange(Section):

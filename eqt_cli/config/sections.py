@@ -31,9 +31,9 @@ from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
-from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
+from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor, depth_of
 from eqt_cli.components.tasks import Point, task_of
-from eqt_cli.components.vehicle import ACTUATORS, CONTROL, INNER, SIGNALS, Vehicle
+from eqt_cli.components.vehicle import ACTUATORS, CONTROL, INNER, SIGNALS, Vehicle, navigates
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
 from eqt_cli.config.document import Place, with_data
@@ -501,6 +501,8 @@ def check_sensors(
         if not rigid_motions(G):
             problems.add(f"needs group SE2 or SE3, got {G.name}; remove this key")
             return
+    if signal == "depth":
+        known = [part.name for part in depth_of(G)]
     for index, sensor in enumerate(sensors):
         here = problems.at(index)
         if isinstance(sensor, Lever) and signal != "accelerometer":
@@ -623,10 +625,9 @@ def vehicle_from(
         tuple(sensing["velocity"]),
         config.estimator,
         model=model,
-        more_sensors=(tuple(field), tuple(sensing["accelerometer"])),
+        more_sensors=(tuple(field), tuple(sensing["accelerometer"]), tuple(sensing["depth"])),
     )
-    if field and not vehicle.magnet:
-        at_sensors.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
+    _check_readers(vehicle, at_sensors)
     section = "model" if plant.forces is None else "plant"
     _check_currents(vehicle.forces, problems.at(section, "forces"))
     if vehicle.measures and clock is None:
@@ -642,6 +643,15 @@ def vehicle_from(
     if vehicle.estimator is not None:
         check_estimator(vehicle, G, clock is None, problems)
     return vehicle if problems else vehicle.of_run(G)
+
+
+def _check_readers(vehicle: Vehicle, problems: Problems) -> None:
+    """Note sensors of what there is not, or nobody reads."""
+    field, _, depth = vehicle.more_sensors
+    if field and not vehicle.magnet:
+        problems.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
+    if depth and not navigates(vehicle):
+        problems.at("depth").add("is read by `estimator: {kind: navigation}` alone; remove it")
 
 
 Entry = tuple[Problems, Sensor | Actuator]

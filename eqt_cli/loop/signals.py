@@ -280,7 +280,7 @@ def estimator_state(s: Tracking, name: str, like: Array) -> Array:
 
 
 def error(s: Tracking) -> Array:
-    """Return the estimation error (ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
+    """Return the estimation error (ε, b̃, …) = (log(Q̂⁻¹Q), b − b̂, …), ``(..., n)``, n ≥ 2m."""
     return estimator_state(s, "error", np.concatenate([s.P, s.P], axis=-1))
 
 
@@ -291,7 +291,7 @@ def of_pose(s: Tracking) -> Array:
 
 def of_bias(s: Tracking) -> Array:
     """Return the error b̃ of the estimated bias."""
-    return error(s)[..., s.G.dimension :]
+    return error(s)[..., s.G.dimension : 2 * s.G.dimension]
 
 
 def deviations(s: Tracking) -> Array:
@@ -322,8 +322,8 @@ def of_innovations(s: Tracking) -> tuple[Array, Array, Array]:
 
 
 def _covariance(s: Tracking) -> Array:
-    """Return the covariance of (ε, b̃), ``(..., 2m, 2m)``; other errors stand behind them in Σ."""
-    n = 2 * s.G.dimension
+    """Return the covariance of (ε, b̃, …), ``(..., n, n)``; other errors stand behind them in Σ."""
+    n = error(s).shape[-1]
     entries = estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
     return symmetric(entries, (math.isqrt(8 * entries.shape[-1] + 1) - 1) // 2)[..., :n, :n]
 

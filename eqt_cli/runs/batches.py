@@ -18,7 +18,7 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import PoseDistribution, Stream, generator, generator_at
 from eqt_cli.components.sensors import Errors
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import Vehicle, bias_signals
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Compiled, Engine, Problem, SolverChecks, evaluate, hurried
@@ -260,7 +260,7 @@ class Draws:
         vehicle, sensors = self.vehicle, self.vehicle.sensors()
         timing = repr(vehicle.channels(self.group)), vehicle.tick, self.instants
         parts = (self.group.name, repr(sensors), *map(type, sensors.values()))
-        drawing: Hashable = (*parts, *timing, vehicle.estimates)
+        drawing: Hashable = (*parts, *timing, vehicle.estimates, bias_signals(vehicle))
         keys = [(drawing, *self.runs[row]) for row in rows]
         errors = {key: _errors_cache.pop(key, None) for key in dict.fromkeys(keys)}
         missing = [key for key, each in errors.items() if each is None]

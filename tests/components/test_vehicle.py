@@ -535,7 +535,7 @@ def test_what_is_told_of_errors_is_what_the_sensors_say():
             Bias(value=Normal([3.0, 2.0]), walk=[0.1, 0.4, 0.0]),
         ),
     )
-    pose, velocity, bias, walk = vehicle.deviations(G)
+    pose, velocity, bias, walk, _ = vehicle.deviations(G)
     np.testing.assert_allclose(pose**2, [0.09, 0.09 + 0.1, 0.09 + 0.4], rtol=1e-12)
     np.testing.assert_array_equal(velocity, [0.05, 0.0, 0.0])
     np.testing.assert_allclose(bias**2, [13.0, 9.0 + 13.0, 3.0 + 13.0], rtol=1e-12)
@@ -546,7 +546,7 @@ def test_errors_may_be_without_a_bias_that_is_estimated():
     parts = np.zeros((2, 5, 3, 3)), np.ones((2, 5, 3)), np.zeros((2, 5, 0))
     errors = Errors(*parts)
     assert errors.bias.shape == (0,) and len(errors.of_runs) == 3
-    assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), *[(0,)] * 4]
+    assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), *[(0,)] * 5]
     clocked = Vehicle(control=Sampling(0.1), velocity_sensors=(Bias(value=0.1),))
     random_of = lambda place: np.random.default_rng(1)  # noqa: E731 shorter than a function
     assert clocked.measurement_errors(SO3, 5, [random_of]).bias.shape == (1, 5, 0)

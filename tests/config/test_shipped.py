@@ -31,14 +31,15 @@ UNCLAIMED = {
     *(("quadrotor_speeds", "energy balance", label) for label in ("cascade", "lqr")),
     *(("planar_vtol", "energy balance", label) for label in ("model", "no rates")),
     *(("quadrotor_lee", "energy balance", label) for label in ("filter", "no rates")),
+    ("quadrotor_gnss", "energy balance", "cascade"),
     *((name, "decrease of L", "goodarzi2013") for name in ("reviewers", "reviewers_se3")),
 }
 
 AS_IT_FLIES = (
     "cubesat cubesat_orbit crazyflie planar_vtol quadrotor_lee quadrotor_lee_upside_down "
-    "quadrotor_recovery quadrotor_speeds tune_flies satellite_breaks satellite_estimated "
-    "satellite_wheels se3_bluerov2_estimated se3_bluerov2_flies se3_bluerov2_thrusters sweep_lag "
-    "sweep_lqr sweep_region"
+    "quadrotor_gnss quadrotor_recovery quadrotor_speeds tune_flies satellite_breaks "
+    "satellite_estimated satellite_wheels se3_bluerov2_estimated se3_bluerov2_flies "
+    "se3_bluerov2_navigation se3_bluerov2_thrusters sweep_lag sweep_lqr sweep_region"
 ).split()
 """Of loops that the theorems do not cover."""
 
@@ -63,7 +64,7 @@ def test_every_group_has_a_configuration():
         assert named or is_product or factor, kind.name
 
 
-SLOW = ("crazyflie", "se3_bluerov2_thrusters")
+SLOW = ("crazyflie", "quadrotor_gnss", "se3_bluerov2_navigation", "se3_bluerov2_thrusters")
 """Which take seconds by solve_ivp."""
 BY_NATIVE = ("satellite_panels", "se3_bluerov2_flies", "attitude_distinct", *SLOW)
 BY_SOLVE_IVP = [name for name in shipped.names() if name not in BY_NATIVE]

@@ -99,12 +99,15 @@ def components() -> dict[str, list[type]]:
         forget_plugins(patch)
         for path in PLUGINS:
             load_plugin(path)
-        # Code of a user's own is for any task, and no formula; some executors are somewhere.
+        # Code of a user's own is for any task, and no formula; some executors are somewhere. What
+        # predicts by an accelerometer has sensors of its own: tests/extensions/navigation.
         return {
             kind: [
                 each
                 for each in registry(kind).all()
-                if getattr(each, "tasks", True) and getattr(each, "at", None) != ""
+                if getattr(each, "tasks", True)
+                and getattr(each, "at", None) != ""
+                and getattr(each, "reads_specific_force", None) is not True
             ]
             for kind in all_kinds()
         }

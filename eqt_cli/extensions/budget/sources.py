@@ -15,7 +15,7 @@ from eqt_cli.components.forces import ConstantForce
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.sensors import TIMING as TIMED
 from eqt_cli.components.sensors import Sensor
-from eqt_cli.components.vehicle import ACTUATORS, FELT, FLUX, FORCES, INERTIA, POSE, VELOCITY
+from eqt_cli.components.vehicle import ACTUATORS, DEPTH, FELT, FLUX, FORCES, INERTIA, POSE, VELOCITY
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -73,7 +73,7 @@ class Ideal(PassThrough):
 _OFF: dict[str, Callable[[Any], Any]] = {
     FORCES: lambda part: ConstantForce(0.0),
     ACTUATORS: lambda part: Ideal(),
-    **dict.fromkeys((POSE, VELOCITY, FLUX, FELT), Silent.of_sensor),
+    **dict.fromkeys((POSE, VELOCITY, FLUX, FELT, DEPTH), Silent.of_sensor),
 }
 """What takes the place of a part that is switched off, so that the places of others stay."""
 
@@ -116,7 +116,7 @@ def without(loop: ClosedLoop, keys: Collection[str]) -> ClosedLoop:
     control = vehicle.control
     if control and "control.delay" in keys:
         control = replace(control, delay=0)
-    flux, felt = vehicle.more_sensors
+    flux, felt, depth = vehicle.more_sensors
     changed = replace(
         vehicle,
         inertia=None if INERTIA in keys else vehicle.inertia,
@@ -124,7 +124,7 @@ def without(loop: ClosedLoop, keys: Collection[str]) -> ClosedLoop:
         actuators=left(ACTUATORS, vehicle.actuators),
         pose_sensors=left(POSE, vehicle.pose_sensors),
         velocity_sensors=left(VELOCITY, vehicle.velocity_sensors),
-        more_sensors=(left(FLUX, flux), left(FELT, felt)),
+        more_sensors=(left(FLUX, flux), left(FELT, felt), left(DEPTH, depth)),
         control=control,
     )
     return replace(loop, vehicle=changed.of_run(loop.group))
@@ -139,7 +139,7 @@ def without_all(loop: ClosedLoop, filtered: bool, sampled: bool) -> ClosedLoop:
     assert vehicle is not None
     if not filtered:
         vehicle = replace(
-            vehicle, estimator=None, pose_sensors=(), velocity_sensors=(), more_sensors=((), ())
+            vehicle, estimator=None, pose_sensors=(), velocity_sensors=(), more_sensors=((),) * 3
         )
     if not sampled:
         vehicle = replace(vehicle, control=None)

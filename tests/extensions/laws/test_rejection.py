@@ -267,7 +267,7 @@ def test_an_accelerometer_feels_nothing_in_free_fall_and_the_push_at_rest(experi
         state = loop.initial_state(np.eye(4), still, np.eye(4), still)
         f = loop.law_input(0.0, state).specific_force
         np.testing.assert_allclose(f, expected, rtol=0, atol=1e-12)
-        assert bare.vehicle.more_sensors == ((), ())
+        assert bare.vehicle.more_sensors == ((), (), ())
         assert (
             bare.law_input(0.0, bare.initial_state(*2 * (np.eye(4), still))).specific_force is None
         )
