@@ -163,6 +163,15 @@ def test_one_run_has_no_spread_and_none_has_no_mean(make_result):
     assert np.isnan([pair.difference, pair.relative, pair.first_better, pair.cohen_d]).all()
 
 
+def test_identical_runs_are_one_and_none_of_them_is_undefined(make_result):
+    pose = np.broadcast_to(np.eye(3), (2, 6, 41, 3, 3))
+    results = make_result(["a", "b"], metrics={"effort": [[2.0] * 6, [3.0] * 6]},
+        more={"initial_pose": pose})  # fmt: skip
+    levels = compare(results, metrics=["effort"]).levels
+    assert [(x.mean, x.runs, x.undefined) for x in levels] == [(2.0, 1, 0), (3.0, 1, 0)]
+    assert np.isnan([x.low for x in levels]).all()
+
+
 @pytest.mark.parametrize(("runs", "runs_needed"), [(4, None), (5, 10)])
 def test_five_pairs_are_enough_to_say_how_many_would_decide(make_result, runs, runs_needed):
     """(1.96 + 0.84)²/d² + 1.96²/2 runs; the differences 0, 2, 0, 2 and 1 have d = 1."""

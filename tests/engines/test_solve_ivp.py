@@ -124,6 +124,16 @@ def test_initial_time_need_not_be_zero():
     np.testing.assert_allclose(engine.solve(rest).states, first[:, 20:], rtol=0, atol=6e-7)
 
 
+def test_a_sampled_law_has_acted_where_its_runs_begin():
+    """So that the motion begins as that under the same law at all times."""
+    rates = []
+    for vehicle in (Vehicle(), Vehicle(control=Sampling(period=0.1))):
+        loop, states = paper_problem(runs=3, duration=1.0, vehicle=vehicle).begun
+        rates.append(loop.vector_field(0.0, states)[:, : loop.layout.slices["momentum"].stop])
+    assert np.abs(rates[0]).max() > 0.1
+    np.testing.assert_allclose(*rates, rtol=0, atol=1e-14)
+
+
 def test_the_first_step_after_an_instant_follows_from_the_steps_before_it():
     """One step from each instant to the next: 12 evaluations, and two at its start.
 
