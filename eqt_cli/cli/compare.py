@@ -89,6 +89,7 @@ def compare(
     list_: Annotated[bool, options.option("--list")] = False,
     json: options.Json = False,
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
+    pooled: Annotated[bool, options.option("--pooled")] = False,
     quiet: options.Quiet = False,
     *,
     gate: Gate,
@@ -118,6 +119,7 @@ def compare(
             its run. Repeatable for tables.
         --table NAME  Print only this table: `controllers` (the default of LaTeX), pairs, claims,
             fronts, winners, points; or all of them.
+        --pooled  For a sweep: each law against the first one over all points together.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
     Two results
@@ -179,7 +181,10 @@ def compare(
         shown = _Findings(*tell(explained, measured, write, table is TableName.ALL))
     else:
         options.require_measured(mapping, log_format, run)
-        if point is None and other is None:
+        if pooled:
+            alone = not (narrow or other or table) and point is None
+            shown = _pooled(result, chosen, write, how, negligible, alone=alone)
+        elif point is None and other is None:
             shown = _of_whole(result, chosen, table, narrow, write, how, share)
     if shown is None:
         more: dict[str, Any] = {"windows": window or (), "without_start": without_start}
@@ -192,6 +197,27 @@ def compare(
         _print(shown, result, format, json, columns)
     if not shown.passes:
         raise typer.Exit(4)
+
+
+def _pooled(
+    path: Path,
+    chosen: Mapping[str, Any],
+    write: Plain,
+    how: Resampling,
+    negligible: float,
+    *,
+    alone: bool,
+) -> _Findings:
+    from eqt_cli.api.loading import open_at
+
+    if not alone:
+        raise EqtError(
+            "--pooled is one answer about all points of one sweep; leave --window, --against, "
+            "--without-start, --table, --point and OTHER out"
+        )
+    with open_at(path) as result:
+        of = chosen["metrics"], chosen["controllers"]
+        return _Findings(*function_for("compare --pooled")(result, how, write, *of, negligible))
 
 
 class _Findings(NamedTuple):

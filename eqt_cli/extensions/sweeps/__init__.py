@@ -7,3 +7,5 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function("rules of a sweep", "rules.Rules")
     extension.add_function("run --grow", "growth.grow")
+    extension.add_function("compare --pooled", "pooled.answer")
+    extension.add_component("figures", "pooled", "figures")
