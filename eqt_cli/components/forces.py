@@ -10,13 +10,14 @@ import numpy as np
 from eqt_cli.base.arrays import Array, absolute, apply_matrix, as_array, cos, cross, dot, sin, stack
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
+from eqt_cli.base.option_types import DAMPING, TORQUE, Real, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, check_turns_in_space, rigid_motions
 from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
+from eqt_cli.components.orbits import check_eccentricity, ellipse, place_on
 from eqt_cli.components.pose_notation import square
 from eqt_cli.components.references import InExpressions
 from eqt_cli.numbers.instants import instants_of
@@ -382,7 +383,7 @@ class ExpressionForce(InExpressions, PlacedForce):
 
 @dataclass(frozen=True)
 class GravityGradient(Force):
-    """3n² c × 𝕁c on a circular orbit; c is the direction of the planet in the body frame.
+    """3n²(a/r)³ c × 𝕁c on an orbit; c is the direction of the planet in the body frame.
 
     The orbit is in the xy plane of the spatial frame, with the planet at t = 0 along -x. Only for
     SO3 and SE3. Source: Hughes, Spacecraft Attitude Dynamics (1986), section 8.1.
@@ -390,9 +391,13 @@ class GravityGradient(Force):
     Attributes
     ----------
     rate
-        n, rate of the orbit, rad/s.
+        n, rate of the orbit, rad/s: in the mean, √(GM/a³), where it is an ellipse.
     inertia
         𝕁 about the centre of mass, kg m².
+    eccentricity
+        e of the orbit; 0 of a circle.
+    anomaly
+        Angle from the perigee to the satellite at t = 0, rad.
     """
 
     name: ClassVar[str] = "gravity_gradient"
@@ -400,20 +405,30 @@ class GravityGradient(Force):
 
     rate: Annotated[vehicle_parts.Number, Scale("rate of the orbit", "rad/s")]
     inertia: vehicle_parts.Matrix
+    eccentricity: Real = 0.0
+    anomaly: Annotated[Real, Scale("true anomaly", "rad")] = 0.0
+    shape: Any = field(default=None, init=False, repr=False)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the force with the tensor as a matrix."""
         part = self.drawn(random)
-        return with_fields(part, rate=np.array([part.rate]), inertia=square(part.inertia, 3, G))
+        shape = ellipse(part.eccentricity, part.anomaly) if part.eccentricity else None
+        changed = {"rate": np.array([part.rate]), "inertia": square(part.inertia, 3, G)}
+        return with_fields(part, **changed, eccentricity=None, anomaly=None, shape=shape)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return the torque, with force 0 on SE3."""
         rate = self.rate[..., 0]
         assert isinstance(G, EuclideanGroup)
-        angle = rate * t
-        planet = stack([-cos(angle), -sin(angle), 0 * angle])
+        angle, strength = rate * t, 3 * rate * rate
+        if self.shape is None:
+            along, across = cos(angle), sin(angle)
+        else:
+            along, across, near = place_on(self.shape, angle)
+            strength = strength * near * near * near
+        planet = stack([-along, -across, 0 * angle])
         c = (G.rotation(Q) * planet[..., :, None]).sum(axis=-2)  # Rᵀ of the direction in space
-        torque = (3 * rate * rate)[..., None] * cross(c, apply_matrix(self.inertia, c))
+        torque = strength[..., None] * cross(c, apply_matrix(self.inertia, c))
         coordinates = [torque[..., k] for k in range(3)]
         return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
 
@@ -433,6 +448,7 @@ class GravityGradient(Force):
         if self.frame != "body":
             problems.at("frame").add("gravity_gradient computes its own frame; remove this key")
         vehicle_parts.check_numbers(self.rate, problems.at("rate"))
+        check_eccentricity(self.eccentricity, problems.at("eccentricity"))
         here = problems.at("inertia")
         vehicle_parts.check_numbers(self.inertia, here)
         if not here:

@@ -17,7 +17,7 @@ SPIN, SPEEDS, TORQUES = 2e-5, np.array([200.0, -150.0, 100.0, 50.0]), [1e-4, -2e
 RATE, MU, RADIUS, DURATION = np.array([0.05, -0.04, 0.1]), 3.986004418e14, 7.0e6, 5.0
 
 
-def by_basilisk(wheels, gradient):
+def by_basilisk(wheels, gradient, ratio=1.0):
     """R, from body to space, the body rate, and the speeds of the wheels at the end."""
     from Basilisk.architecture import messaging
     from Basilisk.simulation import (
@@ -67,7 +67,7 @@ def by_basilisk(wheels, gradient):
         body.addDynamicEffector(gradient)
         simulation.AddModelToTask("t", gradient)
         body.hub.r_CN_NInit = [[RADIUS], [0.0], [0.0]]
-        body.hub.v_CN_NInit = [[0.0], [np.sqrt(MU / RADIUS)], [0.0]]
+        body.hub.v_CN_NInit = [[0.0], [ratio * np.sqrt(MU / RADIUS)], [0.0]]
         kept += [earth, gradient]
     simulation.InitializeSimulation()
     simulation.ConfigureStopTime(macros.sec2nano(DURATION))
@@ -120,12 +120,13 @@ def test_a_free_body_with_wheels_turns_as_in_basilisk(experiment_of):
     assert np.abs(found[1] - RATE).max() > 0.01
 
 
-def test_the_gravity_gradient_turns_a_body_as_in_basilisk(experiment_of):
-    """Basilisk integrates the orbit, too; here it is a circle."""
-    n = np.sqrt(MU / RADIUS**3)
-    force = f"{{kind: gravity_gradient, rate: {n}, inertia: {INERTIA.tolist()}}}"
+@pytest.mark.parametrize("e", [0.0, 0.6])
+def test_the_gravity_gradient_turns_a_body_as_in_basilisk(experiment_of, e):
+    """Basilisk integrates the orbit, too: a circle, or an ellipse from its perigee."""
+    n = np.sqrt(MU * (1 - e) ** 3 / RADIUS**3)
+    force = f"{{kind: gravity_gradient, rate: {n}, eccentricity: {e}, inertia: {INERTIA.tolist()}}}"
     found = by_eqt(experiment_of, f"{TEXT}plant: {{forces: [{force}]}}\n")
-    R, rate, _ = by_basilisk(wheels=False, gradient=True)
+    R, rate, _ = by_basilisk(wheels=False, gradient=True, ratio=np.sqrt(1 + e))
     np.testing.assert_allclose(found[0], R, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found[1], rate, rtol=0, atol=1e-9)
     free, _, _ = by_basilisk(wheels=False, gradient=False)

@@ -273,14 +273,21 @@ def test_wheels_take_up_what_they_can():
     assert part.at_limit(SO3, command, x).all()
 
 
-@pytest.mark.parametrize("G", [SO3, SE3], ids=lambda G: G.name)
-def test_gravity_gradient_is_the_torque_of_point_masses(G):
+@pytest.mark.parametrize(("G", "e", "nu"), [(SO3, 0.0, 0.0), (SE3, 0.0, 0.0), (SO3, 0.6, 1.5)])
+def test_gravity_gradient_is_the_torque_of_point_masses(G, e, nu):
     """Two masses on a rod, and gravity μ r / |r|³ on each: the torque to first order in 1/|r|."""
     ends, mass, orbit, n = np.array([[0.3, 0.4, 1.2], [-0.3, -0.4, -1.2]]), 2.0, 1e6, 0.02
     inertia = mass * sum(np.eye(3) * (r @ r) - np.outer(r, r) for r in ends)
-    force, t = GravityGradient(rate=n, inertia=inertia.tolist()), 17.0
+    part = GravityGradient(rate=n, inertia=inertia.tolist(), eccentricity=e, anomaly=nu)
+    force, t = part, 17.0
+    # Kepler's equation by fixed points, each 0.6 times nearer.
+    E = begin = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(nu / 2))
+    for _ in range(100):
+        E = begin - e * np.sin(begin) + n * t + e * np.sin(E)
+    angle = 2 * np.arctan(np.sqrt((1 + e) / (1 - e)) * np.tan(E / 2)) - nu
     Q = G.exp(np.array([[0.3, -0.2, 0.5, 0, 0, 0]])[:, : G.dimension])
-    R, centre = Q[0, :3, :3], orbit * np.array([np.cos(n * t), np.sin(n * t), 0.0])
+    distance = orbit * (1 - e * np.cos(E))
+    R, centre = Q[0, :3, :3], distance * np.array([np.cos(angle), np.sin(angle), 0.0])
     expected = np.zeros(3)
     for r in ends:
         place = centre + R @ r

@@ -10,7 +10,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, clip, cos, cross, dot, less, norm, outside, sin, stack, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import Positive, Real, Scale
+from eqt_cli.base.option_types import Positive, Real, Scale, shown
 from eqt_cli.base.registry import Keys
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.forces import column
@@ -18,6 +18,7 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.orbits import check_eccentricity, ellipse, place_on
 from eqt_cli.components.references import check_expressions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.instants import instants_of
@@ -36,29 +37,36 @@ By g₁⁰, g₁¹ and h₁¹ of IGRF-13 at 2020.0 (Alken et al., Earth, Planets
 
 @dataclass(frozen=True)
 class Orbit(Keys):
-    """A circular orbit in the field of a dipole at the centre of the Earth, which turns with it.
+    """An orbit in the field of a dipole at the centre of the Earth, which turns with it.
 
     Attributes
     ----------
     altitude
-        Height above 6371.2 km, m.
+        Height above 6371.2 km, m; of an ellipse, that of the perigee.
     inclination
         Angle between the orbit and the equator, rad.
     node
         Longitude of the ascending node at t = 0, rad.
     phase
         Angle from this node to the satellite at t = 0, rad.
+    eccentricity
+        e of the orbit; 0 of a circle.
+    anomaly
+        Angle from the perigee to the satellite at t = 0, rad.
     """
 
     altitude: Annotated[Positive, Scale("altitude", "m")]
     inclination: Annotated[Real, Scale("inclination", "rad")]
     node: Annotated[Real, Scale("longitude of the node", "rad")] = 0.0
     phase: Annotated[Real, Scale("phase of the orbit", "rad")] = 0.0
+    eccentricity: Real = 0.0
+    anomaly: Annotated[Real, Scale("true anomaly", "rad")] = 0.0
 
     @cached_property
-    def numbers(self) -> dict[str, Array]:
+    def numbers(self) -> dict[str, Array | None]:
         """The rates of orbit and Earth, and the dipole's mean, cosine and sine, a row each.
 
+        The dipole is that at the distance a, half the longest diameter; `shape` tells an ellipse.
         They are in the frame whose x axis points to the satellite at t = 0, z along the normal.
         """
 
@@ -66,10 +74,11 @@ class Orbit(Keys):
             node, inclination, phase = np.moveaxis(group_named("SO3").exp(turns), -3, 0)
             return share * share * share * POLES @ node @ inclination @ phase
 
-        r, (x, _, z) = RADIUS + self.altitude, np.eye(3)
-        turns, share = np.stack([self.node * z, self.inclination * x, self.phase * z]), RADIUS / r
-        rates = np.array([np.sqrt(GRAVITATION / (r * r * r)), TURN])
-        return {"rates": rates, "poles": rounded(poles, turns)}
+        a, (x, _, z) = (RADIUS + self.altitude) / (1 - self.eccentricity), np.eye(3)
+        turns, share = np.stack([self.node * z, self.inclination * x, self.phase * z]), RADIUS / a
+        rates = np.array([np.sqrt(GRAVITATION / (a * a * a)), TURN])
+        shape = ellipse(self.eccentricity, self.anomaly) if self.eccentricity else None
+        return {"rates": rates, "poles": rounded(poles, turns), "shape": shape}
 
 
 @dataclass(frozen=True)
@@ -94,6 +103,9 @@ class Magnetorquers(Actuator):
         The command: `torque`, or `dipole` as from the law `b_dot`.
     dump
         k of dumping the momentum of `wheels`, 1/s.
+    dump_to
+        The momentum that dumping leaves, [x, y, z] in the body frame, N m s; default: none. Then
+        m = k (h − h_d) × B/|B|².
     """
 
     name: ClassVar[str] = "magnetorquers"
@@ -106,8 +118,10 @@ class Magnetorquers(Actuator):
     flux: list[str | float] | None = None
     takes: Literal["torque", "dipole"] = "torque"  # type: ignore[misc]  # a constant of others
     dump: Annotated[Positive | None, Scale("gain of dumping", "1/s")] = None
+    dump_to: Annotated[Numbers | None, Scale("momentum left by dumping", "N m s")] = None
     rates: Any = field(default=None, init=False, repr=False)
     poles: Any = field(default=None, init=False, repr=False)
+    shape: Any = field(default=None, init=False, repr=False)
 
     @property
     def linear_part(self) -> Actuator:
@@ -116,7 +130,7 @@ class Magnetorquers(Actuator):
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the torquers with the numbers of the orbit."""
-        numbers = self.orbit.numbers if self.orbit else {}
+        numbers: dict[str, Any] = dict(self.orbit.numbers) if self.orbit else {}
         return with_fields(super().of_run(G, random), orbit=None, flux=self.flux, **numbers)
 
     def in_space(self, t: Any) -> Array:
@@ -125,10 +139,14 @@ class Magnetorquers(Actuator):
             return stack([each.evaluate({"t": t}) for each in self.expressions])
         angles = self.rates * column(t)
         c, s = cos(angles), sin(angles)
-        r = stack([c[..., 0], s[..., 0], 0.0 * c[..., 0]])
+        along, across, near = c[..., 0], s[..., 0], None
+        if self.shape is not None:
+            along, across, near = place_on(self.shape, angles[..., 0])
+        r = stack([along, across, 0.0 * along])
         mean, by_cos, by_sin = (self.poles[..., k, :] for k in range(3))
         m = mean + c[..., 1:] * by_cos + s[..., 1:] * by_sin
-        return 3 * dot(m, r)[..., None] * r - m
+        B = 3 * dot(m, r)[..., None] * r - m
+        return B if near is None else (near * near * near)[..., None] * B
 
     def in_body(self, s: Tracking) -> Array:
         """Return B, T, ``(..., 3)``."""
@@ -153,7 +171,9 @@ class Magnetorquers(Actuator):
         torque = dipole = command[..., :3]
         B, h = self.moving or (self.in_space(0.0), 0.0 * command)
         if self.takes == "torque":
-            torque = torque if self.dump is None else 0.0 * torque - self.dump * h[..., :3]
+            if self.dump is not None:
+                excess = h[..., :3] if self.dump_to is None else h[..., :3] - self.dump_to
+                torque = 0.0 * torque - self.dump * excess
             dipole = cross(B, torque) / dot(B, B)[..., None]
         return B, dipole, clip(dipole, -self.limit, self.limit)
 
@@ -201,6 +221,15 @@ class Magnetorquers(Actuator):
             problems.at("limit").add(f"expected a number, or 3 of them, got {len(self.limit)}")
         if self.dump and self.takes == "dipole":
             problems.at("dump").add("needs takes: torque; remove one of the two")
+        if self.orbit is not None:
+            check_eccentricity(self.orbit.eccentricity, problems.at("orbit", "eccentricity"))
+        if self.dump_to is not None:
+            here = problems.at("dump_to")
+            check_numbers(self.dump_to, here)
+            if not isinstance(self.dump_to, list) or len(self.dump_to) != 3:
+                here.add(f"expected [x, y, z] in N m s, got {shown(self.dump_to)}")
+            if self.dump is None:
+                here.add("needs dump, the gain in 1/s, such as dump: 1.0e-3")
 
 
 @dataclass(frozen=True)

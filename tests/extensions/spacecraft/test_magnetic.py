@@ -7,6 +7,7 @@ from case_tables import from_yaml, refusal
 from plain import hat
 from said import mentions
 from scipy.integrate import solve_ivp
+from scipy.optimize import bisect
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.blocks import signals
@@ -82,6 +83,24 @@ def test_the_field_is_minus_the_gradient_of_the_potential_of_a_dipole(t):
     np.testing.assert_allclose(found, -FRAME @ slope / (12 * step), rtol=0, atol=1e-14)
     # 4e-5 T, turned by up to 44 rad that the last place of the orbit's rate may change.
     np.testing.assert_allclose(found, field(t), rtol=0, atol=1e-18)
+
+
+@pytest.mark.parametrize(("e", "anomaly"), [(0.3, 2.0), (0.9, -1.2)])
+def test_the_field_on_an_ellipse_is_that_at_its_place(e, anomaly):
+    """Kepler's equation by halving; the perigee is where the circle of other tests is."""
+    orbit = Orbit(500e3, TILT, NODE, PHASE, eccentricity=e, anomaly=anomaly)
+    torquers = Magnetorquers(limit=0.2, orbit=orbit).of_run(G, None)
+    a = DISTANCE / (1 - e)
+    n, ratio = np.sqrt(3.986004418e14 / a**3), np.sqrt((1 + e) / (1 - e))
+    begin = 2 * np.arctan(np.tan(anomaly / 2) / ratio)
+    for t in (0.0, 700.0, 0.4 * 2 * np.pi / n):
+        M = (begin - e * np.sin(begin) + n * t + np.pi) % (2 * np.pi) - np.pi
+        E = bisect(lambda E, M=M: E - e * np.sin(E) - M, -4, 4, xtol=1e-15, rtol=1e-15)
+        angle = 2 * np.arctan(ratio * np.tan(E / 2)) - anomaly + PHASE
+        x = np.cos(angle) * NODAL + np.sin(angle) * np.cross(NORMAL, NODAL)
+        m = pole(t)
+        B = (EARTH / (a * (1 - e * np.cos(E)))) ** 3 * (3 * (m @ x) * x - m)
+        np.testing.assert_allclose(torquers.in_space(t), FRAME @ B, rtol=0, atol=1e-17)
 
 
 def body_field(t, Q):
@@ -168,7 +187,7 @@ AXES = "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
 WHEELS = f"{{kind: wheels, axes: {AXES}, start: [4 mN m s, -3 mN m s, 2 mN m s]}}"
 DUMP = (
     CONTINUOUS.replace("actuators: [", f"actuators: [{WHEELS}, ")
-    .replace("takes: dipole", "dump: 0.01")
+    .replace("takes: dipole", "dump: 0.01, dump_to: [1 mN m s, 0, -2 mN m s]")
     .replace("{kind: b_dot, k: 1.0e+5}", "stabilising")
 ) + "gains: {kp: 1.0e-3, kd: 0.01}\n"
 
@@ -183,7 +202,7 @@ def test_dumping_is_that_of_a_plain_program_and_takes_momentum(solved, engine):
         B = body_field(t, Q)
         error = 1e-3 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
         u = -error - 0.01 * w
-        m = np.clip(0.01 * np.cross(h, B) / (B @ B), -0.2, 0.2)
+        m = np.clip(0.01 * np.cross(h - [1e-3, 0, -2e-3], B) / (B @ B), -0.2, 0.2)
         return np.concatenate([turned(Q, t, w, np.cross(h, w) + u + np.cross(m, B)), -u])
 
     y = np.concatenate([started(s), [4e-3, -3e-3, 2e-3]])
