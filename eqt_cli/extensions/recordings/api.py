@@ -37,6 +37,7 @@ from eqt_cli.extensions.recordings.recording import read_log, recorded_names
 from eqt_cli.extensions.recordings.recording_check import Recording, recording_of
 from eqt_cli.extensions.recordings.tables import text_of_recording, with_columns
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.results.result import Result
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
 
@@ -631,7 +632,7 @@ def _opened(
     else:
         document = document_from(config, {}, trust_plugins=trust_plugins)
     base = build(replace(document, data=without_search(document.data)))
-    recording = prediction.by_rotors(base, _driving(measured, base.group, mapping, format))
+    recording = prediction.by_rotors(base.vehicle, _driving(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:
@@ -678,7 +679,7 @@ def compare_measured(
         The result folder, or the file in it.
     measured, mapping, format
         A recording, as for `check_log`. Without ``time.offset`` in the mapping, its clock is
-        aligned with that of the runs.
+        aligned with that of the runs. Without a wrench, its rotor speeds give one.
     run
         Number of the run, counted from 0.
     controllers
@@ -715,7 +716,20 @@ def compare_measured(
         group = known_group(opened.group_name)
         if group is None:
             raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
-        recording = read_measured(measured, group, mapping, format)
+        recording = _with_wrench(opened, read_measured(measured, group, mapping, format))
         chosen = [opened.position_of(name) for name in controllers]
         shown_in = opened.in_units(units).shown_in
         return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]
+
+
+def _with_wrench(result: Result, recording: Recording) -> Recording:
+    """Return the recording with the wrench of its rotors, where it has speeds and no wrench."""
+    if not recording.speeds.size or np.isfinite(recording.wrenches).any():
+        return recording
+    try:
+        vehicle = next(iter(result.loops.values())).vehicle
+        recording = prediction.by_rotors(vehicle, recording)
+        note = "the rotor speeds give the wrench, by the thrusters of the configuration"
+    except EqtError as error:
+        note = f"the rotor speeds are not used: {error}"
+    return replace(recording, notes=(*recording.notes, note))

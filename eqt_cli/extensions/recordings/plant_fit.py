@@ -266,10 +266,16 @@ class _FitProblem:
         error = self.base.engine.rtol / (STEP * self.scales) / np.nanmin(noise)
         resolved = lengths > RESOLVED * np.sqrt(len(derivatives)) * error
         for key in (key for key, acts in zip(self.keys, resolved, strict=True) if not acts):
-            raise EqtError(
-                f"{key}: has no influence on the prediction of {name}; leave it out, give a "
-                "recording in which it acts, or start at a value of its magnitude"
+            why = (
+                "leave it out, give a recording in which it acts, or start at a value of its "
+                "magnitude"
             )
+            if prediction.is_before_speeds(parse_key(key), self.base, self.windows.recording):
+                why = (
+                    "its rotor speeds were measured behind this actuator; record the commanded "
+                    "wrench in place of them to fit it"
+                )
+            raise EqtError(f"{key}: has no influence on the prediction of {name}; {why}")
         _, values, directions = np.linalg.svd(derivatives / lengths, full_matrices=False)
         if values[-1] < prediction.DISTINCT:
             parts = zip(self.keys, directions[-1], strict=True)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, as_array, norm
-from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.base.errors import EqtError, KeyPath, Problems
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
 from eqt_cli.components.actuators import THRUSTS, Actuator
 from eqt_cli.components.blocks import COMMAND, Now, blocks_of, body
@@ -20,7 +20,7 @@ from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.motions import PlantModel, piece_at
 from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.thrusters import Thrusters
-from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
 from eqt_cli.extensions.recordings.recording_check import Recording, RecordingInFile
@@ -185,8 +185,8 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
     EqtError
         If a part has a state that the recording does not hold, or numbers drawn for each run.
     """
-    loop = experiment.loop
-    configured = loop.vehicle.configured or loop.vehicle
+    loop, shared = experiment.loop, experiment.vehicle
+    configured = shared.configured or shared
     vehicle = replace(
         configured, control=None, pose_sensors=(), velocity_sensors=(), estimator=None
     )
@@ -260,7 +260,7 @@ def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
     return at
 
 
-def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
+def by_rotors(vehicle: Vehicle, recording: Recording) -> Recording:
     """Return the recording with the wrench of its rotors, B f with the thrusts f at their speeds.
 
     Raises
@@ -270,7 +270,7 @@ def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
     """
     if not recording.speeds.size:
         return recording
-    rotors = rotors_of(recording, experiment.loop.vehicle.actuators)
+    rotors = rotors_of(recording, vehicle.actuators)
     rotors = rotors.of_run(recording.group, None)
     return replace(recording, wrenches=apply_matrix(rotors.matrix, rotors.pushed(recording.speeds)))
 
@@ -286,6 +286,14 @@ def rotors_of(recording: Recording, actuators: Sequence[Actuator]) -> Any:
         needed = f"an actuator `kind: thrusters` with `thrust_constant` and {count} thrusters"
         raise EqtError(f"{place} need {needed}")
     return rotors
+
+
+def is_before_speeds(key: KeyPath, experiment: Experiment, recording: Recording) -> bool:
+    """Whether measured speeds of rotors hold what an actuator does: the rotors or one before."""
+    if key[0] != ACTUATORS or not recording.speeds.size:
+        return False
+    rotors = [_has_rotors(actuator) for actuator in experiment.vehicle.actuators]
+    return int(key[1]) <= rotors.index(True)
 
 
 def _has_rotors(actuator: Actuator) -> bool:

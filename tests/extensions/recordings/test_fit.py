@@ -5,14 +5,13 @@ import math
 import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import plain_current as plain
 import pytest
 from case_tables import refusal
-from said import says
+from said import mentions, says
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -285,6 +284,10 @@ def test_speeds_of_rotors_are_a_wrench(tmp_path, monkeypatch):
         "flight.csv:1: 4 speeds of rotors need an actuator `kind: thrusters` with "
         "`thrust_constant` and 4 thrusters"
     )
+    lagging = config | {"actuators": [ROTORS | {"time_constant": 0.02}]}
+    lag = "actuators[0].time_constant"
+    said = refusal(EqtError, eqt_cli.fit, lagging, "flight.csv", [INERTIA, lag], horizon=0.2)
+    assert mentions(said, f"{lag}: has no influence…rotor speeds were measured behind this…")
     # Thrust without a unit: gravity gives the thrust of a command, for a known mass.
     config = model(
         "SE3", inertia=[*J, *[mass] * 3], actuators=[ROTORS, {"kind": "scale", "factor": 0.7}]
@@ -315,6 +318,25 @@ def test_recorded_speeds_are_commands_of_rotors(tmp_path, monkeypatch):
     np.testing.assert_allclose(flown, np.clip(2e-5 * n**2, 0.0, high), rtol=1e-12)
 
 
+@pytest.mark.ci("runs a quadrotor")
+@pytest.mark.filterwarnings("ignore::eqt_cli.base.errors.EqtWarning")
+def test_rotor_speeds_of_a_log_are_its_wrench_beside_a_run(tmp_path, monkeypatch):
+    """The log has the speeds that the thrusts of the run itself need, k n²."""
+    monkeypatch.chdir(tmp_path)
+    config = model("SE3", actuators=[ROTORS], plant={}, ensemble={"runs": 1})
+    config |= {"initial": {"pose": {"kind": "exp_normal", "std": 0.1}}}
+    made = eqt_cli.run(config | {"time": {"duration": 1, "samples": 21}}, "made")
+    Q, thrust = (made.read(name, controller="eqt", run=0) for name in ("pose", "thrust"))
+    rows = [made.times, Rotation.from_matrix(Q[:, :3, :3]).as_quat(), Q[:, :3, 3]]
+    rows = np.column_stack([*rows, np.sqrt(thrust / 2e-5)])
+    header = "t,qx,qy,qz,qw,x,y,z,n1,n2,n3,n4"
+    np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    [found] = eqt_cli.compare_measured("made", "flight.csv", {"time": {"offset": 0}})
+    wrench = [share for share in found.shares if share.quantity == "wrench" and not share.axis]
+    assert [share.explained for share in wrench] == pytest.approx([1, 1], abs=1e-12)
+    assert any(mentions(note, "rotor speeds give the wrench") for note in found.notes)
+
+
 @dataclass
 class Rows:
     """What `by_rotors` reads of a recording."""
@@ -329,9 +351,10 @@ def test_speeds_of_propellers_are_thrusts_by_their_curve():
     """Ahead, astern and within the dead band: 2e-3 (n² − 10²), −0.5 · 2e-3 (n² − 10²) and 0."""
     of = {"thrust_constant": 2e-3, "time_constant": 0.1, "low_speed": -60.0, "high_speed": 60.0}
     part = Propellers(matrix=np.eye(3).tolist(), astern=0.5, dead_speed=10.0, **of)
-    experiment = SimpleNamespace(loop=SimpleNamespace(vehicle=Vehicle(actuators=(part,))))
     rows = Rows(np.array([[30.0, -30.0, 5.0]]), np.full((1, 3), np.nan), group_named("SO3"))
-    assert by_rotors(experiment, rows).wrenches[0] == pytest.approx([1.6, -0.8, 0.0])
+    assert by_rotors(Vehicle(actuators=(part,)), rows).wrenches[0] == pytest.approx(
+        [1.6, -0.8, 0.0]
+    )
 
 
 @pytest.mark.ci("compiles a plant and fits three numbers")
