@@ -56,6 +56,12 @@ def at_point(
     return changed
 
 
+def _is_kind(key: str) -> bool:
+    """Whether a key decides which law a controller is, and so how much it remembers."""
+    path = parse_key(key)
+    return len(path) <= 2 or path[-1] == "kind"
+
+
 def section_of(key: str) -> str:
     """Return the section of a dotted key."""
     return str(parse_key(key)[0])
@@ -259,12 +265,17 @@ class Study:
     def shapes(self) -> list[Sequence[int]]:
         """Points grouped by shape."""
         shaping = [key for key in (self.sweep.sets if self.sweep else ()) if self._shapes(key)]
-        if self.sweep is None or not shaping:
+        sets = self.sweep.sets if self.sweep else ()
+        remembers = any(section_of(key) == "controllers" and _is_kind(key) for key in sets)
+        if self.sweep is None or not (shaping or remembers):
             return [range(len(self))]
         by_shape: dict[str, list[int]] = {}
         for point in range(len(self)):
             values = self.sweep.settings(point)
-            shape = {key: values[key] for key in shaping if key in values}
+            shape: dict[str, Any] = {key: values[key] for key in shaping if key in values}
+            with suppress(ConfigError):  # which the check of all points notes
+                loops = self.experiment(point).loops.values() if remembers else ()
+                shape[""] = [loop.state_length for loop in loops]  # laws have memories
             by_shape.setdefault(json.dumps(shape), []).append(point)
         return list(by_shape.values())
 
@@ -569,7 +580,7 @@ def _unlike(checked: Study, experiment: Experiment, first: int) -> str | None:
         if length != expected:
             return (
                 f"the loop of controller '{label}' has {length} states, but {expected} at point "
-                f"{first}; run laws with different numbers of states, and references that are "
-                "integrated differently, as separate experiments"
+                f"{first}; run references that are integrated differently as separate experiments, "
+                "and compare them by `eqt compare RESULT OTHER`"
             )
     return None

@@ -56,3 +56,16 @@ def test_nothing_of_a_result_is_lost(tmp_path):
         assert (tmp_path / "r" / "results.h5").read_bytes() == before
     message = error_of(run, other, tmp_path / "r", grow=True, force=True)
     assert says(message, "…a result grows in one session…")
+
+
+@pytest.mark.ci("compiles two laws")
+def test_laws_of_different_memory_share_a_label(tmp_path):
+    sliding = [{"kind": "slotine_li", "label": "law", "slope": x} for x in (0.5, 1.0)]
+    integral = [{"kind": "goodarzi2013", "label": "law", "ki": x} for x in (0.1, 0.3)]
+    few = {"time": {"duration": 0.5, "samples": 6}, "controllers": sliding[:1], "name": "x"}
+    parts = [{"grid": {"controllers[0]": laws}} for laws in (sliding, integral)]
+    whole = contents(run(mapping(**few, sweep=[{"concat": parts}]), tmp_path / "whole").path)
+    for index, part in enumerate(parts):
+        alone = contents(run(mapping(**few, sweep=[part]), tmp_path / str(index)).path)
+        for name in ("effort", "pose", "steps"):
+            assert whole[f"{index}.h5: {name}"].tobytes() == alone[name].tobytes()
