@@ -72,6 +72,9 @@ def _step(
     """Return the state after a step, if it converges, the rows that it took, and its error.
 
     A row of the table extrapolates midpoint rules of 2, 4, 6, … parts in the square of the part.
+    Gragg's smoothing makes every row see the end of the step: without it, a limit reached in the
+    last tenth of a step was overlooked, with an error of 2e-5 for 1e-8.
+
     The estimate is the change from the row before. That of two columns of a row is smaller, and
     overlooked kinks: errors of 7e-6 for 1e-9 were measured at limits of thrusters.
     """
@@ -81,7 +84,7 @@ def _step(
         part, last, now = h / count, y, y + (h / count) * slope
         for k in range(1, count):
             last, now = now, last + 2 * part * field(t + k * part, now)
-        row = [now]
+        row = [0.5 * (now + last + part * field(t + h, now))]
         for column, coarser in enumerate(before, start=1):
             ratio = (rows / (rows - column)) ** 2
             row.append(row[-1] + (row[-1] - coarser) / (ratio - 1))

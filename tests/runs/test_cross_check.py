@@ -7,6 +7,7 @@ import pytest
 from small_experiment import mapping
 
 from eqt_cli import load_experiment
+from eqt_cli.engines import extrapolation
 from eqt_cli.extend import Native, Problem, SolveIvp
 from eqt_cli.runs import batches as checking
 from eqt_cli.runs.batches import batches, cross_check, independent
@@ -45,6 +46,23 @@ def test_the_check_is_of_another_kind_of_method_and_as_accurate(engine, states):
         problem = Problem(batch.problem.loop, batch.problem.states, batch.problem.times[:21])
         again = other.solve(problem).states
         assert 1e-13 < np.abs(again - states[:, :21]).max() < 100 * engine.rtol
+
+
+@pytest.mark.parametrize("kink", [0.5, 0.95, 0.99])
+def test_the_check_sees_a_limit_that_is_reached_anywhere_in_a_step(kink):
+    """ẏ = max(t − a, 0), also where a is in the last part of the first step, which is the span."""
+    solved = extrapolation.solve(
+        lambda t, y: np.array([max(t - kink, 0.0)]),
+        (0.0, 1.0),
+        np.zeros(1),
+        t_eval=None,
+        events=lambda t, y: 1.0,
+        first_step=None,
+        max_step=np.inf,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    assert solved.y[0, -1] == pytest.approx((1.0 - kink) ** 2 / 2, abs=1e-8)
 
 
 def test_a_check_that_costs_little_is_of_the_whole_horizon(monkeypatch, states):
