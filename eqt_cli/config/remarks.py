@@ -19,7 +19,7 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
-from eqt_cli.components.vehicle import ACTUATORS, without_inner
+from eqt_cli.components.vehicle import ACTUATORS, navigates, without_inner
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem, Work
 from eqt_cli.engines.horizon import Horizon
@@ -113,7 +113,7 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
                 f"jumps at about t = {t:.4g} s, which engines may step over; give its times in "
                 "`instants(self, G, until)`",
             )
-    if loop.vehicle.estimator:
+    if loop.vehicle.estimator and not navigates(loop.vehicle):
         for part in loop.vehicle.schedule(G).unmeasured:
             yield (
                 ("estimator",),

@@ -35,6 +35,7 @@ from eqt_cli.components.vehicle import (
     ESTIMATOR,
     PROPELLANT,
     Vehicle,
+    navigates,
     place_of,
     requested_torque,
 )
@@ -314,7 +315,9 @@ def linearised(
         Whether the estimate is part of the state, where the reference rests. Its covariance is that
         to which it settles there: to first order, errors do not change it.
     """
-    estimator = loop.vehicle.estimator if with_estimator else None
+    # A filter by an accelerometer settles after thousands of ticks with dozens of steps each.
+    has_filter = with_estimator and not navigates(loop.vehicle)
+    estimator = loop.vehicle.estimator if has_filter else None
     loop = off_limits(loop)
     about = _About.reference(loop, times, poses, velocities)
     if about.dimension > MOST_STATES:

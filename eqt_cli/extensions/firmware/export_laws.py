@@ -22,7 +22,7 @@ from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.references import ClosedReference, references
 from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
-from eqt_cli.components.vehicle import ESTIMATOR, Vehicle
+from eqt_cli.components.vehicle import ESTIMATOR, Vehicle, navigates
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
@@ -151,6 +151,11 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
         )
         return None
     schedule = vehicle.schedule(G)
+    if navigates(vehicle):
+        raise EqtError(
+            f"{label}: a filter that predicts by an accelerometer is not written as C",
+            Remedy("remove the keys estimator, sensors.accelerometer and sensors.depth"),
+        )
     if schedule.depth:
         raise EqtError(
             f"{label}: a filter whose measurements arrive late is not written as C",

@@ -17,6 +17,13 @@ def of_navigation(experiment: Any, shown: Any) -> Iterator[tuple[KeyPath, str]]:
     filter_: Any = vehicle.estimator
     if not isinstance(filter_, Navigation):
         return
+    for part in vehicle.schedule(G).unmeasured:
+        said = {
+            "rotation": "no sensor measures the attitude: the fixes of the position tell the tilt, "
+            "and the heading only while the vehicle accelerates sideways",
+            "translation": "no sensor measures the position, whose error grows without bound",
+        }
+        yield ("estimator",), f"{said[part]}; add an entry with `of: {part}` to sensors.pose"
     inertia = loop.inertia.at(0.0)
     true = inertia if vehicle.inertia is None else vehicle.inertia.at(inertia, 0.0)
     mass = true.matrix - (0.0 if true.added is None else true.added)

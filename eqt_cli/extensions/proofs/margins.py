@@ -15,6 +15,7 @@ from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.components.laws import RunsCode
+from eqt_cli.components.vehicle import navigates
 from eqt_cli.config.document import changed_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -514,7 +515,8 @@ def _where_it_begins(experiment: Experiment, along: Along) -> Experiment | None:
 
     An estimator settles at rest only. Without it, the loop of a reference that moves is another.
     """
-    if experiment.loop.vehicle.estimator is None or not along.velocities.any():
+    vehicle = experiment.loop.vehicle
+    if vehicle.estimator is None or navigates(vehicle) or not along.velocities.any():
         return None
     still = {"kind": "constant", "pose": along.poses[0].tolist()}
     try:

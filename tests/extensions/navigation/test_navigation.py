@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from ports import after_measuring
-from said import says
+from said import error_of, says
 from scipy.linalg import expm, logm
 
 from eqt_cli.base.errors import ConfigError
@@ -23,6 +23,7 @@ from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
+from eqt_cli.extensions.firmware.export_laws import exported_filter
 from eqt_cli.extensions.navigation.navigation import Navigation
 
 SE3 = groups.get("SE3")()
@@ -195,3 +196,8 @@ def test_a_slip_is_told_with_the_way_out(changes, said):
 def test_what_the_filter_cannot_know_is_remarked(changes, said):
     texts = [str(remark) for remark in remarks(built(*changes))]
     assert any(says(text, f"…{said}") for text in texts), texts
+
+
+def test_no_c_is_written_of_the_filter():
+    text = error_of(exported_filter, built().loop, "eqt", 1)
+    assert says(text, "eqt: a filter that predicts by an accelerometer…remove the keys estimator…")
