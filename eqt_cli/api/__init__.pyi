@@ -3,7 +3,6 @@
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.drawing import Shown as Shown
-from eqt_cli.api.drawing import cite as cite
 from eqt_cli.api.drawing import figure as figure
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.loading import Configuration as Configuration
@@ -19,6 +18,7 @@ from eqt_cli.base.reporting import Reporter as Reporter
 from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.budget import *
+from eqt_cli.extensions.citations import *
 from eqt_cli.extensions.diff import *
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.proofs import *

@@ -1,9 +1,9 @@
-"""Draws figures and cites sources."""
+"""Draws figures."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import product
@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at, require_list
-from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, suggestion
+from eqt_cli.base.errors import EqtError, EqtWarning, Problems, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FIGURES, YAML, check_targets
 from eqt_cli.base.reporting import reporter, step
-from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import known_group
-from eqt_cli.components.laws import controllers, published
-from eqt_cli.results.result import Result, open_result, point_folder, rename
+from eqt_cli.results.result import Result, point_folder, rename
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -282,65 +280,3 @@ def load_plugins(result: Result) -> None:
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:
     return [point] if isinstance(point, int) else list(point or ())
-
-
-# Cites a result as BibTeX: the paper, eqt, and the publications of its laws -----------------------
-
-
-PAPER = published("hampsey2025equivariant")
-
-PROGRAM = f"""\
-@software{{eqt,
-  author  = {{{{The eqt developers}}}},
-  title   = {{eqt: experiments with equivariant tracking control on matrix {{Lie}} groups}},
-  version = {{{__version__}}}
-}}"""
-"""Both as in CITATION.cff."""
-
-
-def citations(kinds: Iterable[str]) -> tuple[list[str], list[str]]:
-    """The entries for laws of these kinds, and the kinds that nothing is known of.
-
-    Those are of plugins that are not loaded.
-    """
-    entries, unknown = [PAPER, PROGRAM], list[str]()
-    for kind in dict.fromkeys(kinds):
-        try:
-            entries.append(controllers.get(kind).bibtex)
-        except ComponentError:
-            unknown.append(kind)
-    return list(dict.fromkeys(filter(None, entries))), unknown
-
-
-def cite(result: ResultPath | None = None) -> str:
-    r"""BibTeX entries of the paper, of eqt, and of the publications that the laws are after.
-
-    Parameters
-    ----------
-    result
-        The result folder, or the file in it; without, the paper and eqt only.
-
-    Returns
-    -------
-    str
-        The entries, with an empty line between two of them.
-
-    Raises
-    ------
-    EqtError
-        If there is no such result.
-
-    Examples
-    --------
-    >>> print(eqt_cli.cite("results/paper").partition("\n")[0])
-    @misc{hampsey2025equivariant,
-    """
-    kinds: list[str] = []
-    if result is not None:
-        with open_result(Path(result)) as opened:
-            kinds = list(opened.kinds.values())
-    entries, unknown = citations(kinds)
-    if unknown:
-        text = f"{', '.join(unknown)}: of a plugin, without an entry here; cite the source yourself"
-        reporter().remark(EqtWarning(text))
-    return "\n\n".join(entries)

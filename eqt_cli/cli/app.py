@@ -115,7 +115,6 @@ _CORE = {
     "pack": ("eqt_cli.cli.run.pack", COMPUTE, "results/sweep_gains"),
     "show": ("eqt_cli.cli.show.show", READ, "results/paper --failed"),
     "results": ("eqt_cli.cli.show.results", READ, "results"),
-    "cite": ("eqt_cli.cli.plot.cite", READ, "results/paper > refs.bib"),
     "list": ("eqt_cli.cli.lookup.list_components", LOOK_UP, "controllers"),
     "config": ("eqt_cli.cli.lookup.app", LOOK_UP, ""),
 }

@@ -1,4 +1,4 @@
-"""`eqt plot` and `eqt cite`: figures, and references to cite."""
+"""`eqt plot`: figures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import YAML
 from eqt_cli.cli import completion, options
-from eqt_cli.cli.output import print_findings, print_source, say
+from eqt_cli.cli.output import print_findings, say
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
@@ -263,20 +263,3 @@ def _options(
         for name in takers or known:
             by_figure[name][key] = value
     return by_figure
-
-
-def cite(
-    result: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="RESULT",
-            help="Result folder, or the results.h5 in it. Default: the paper and eqt only.",
-        ),
-    ] = None,
-    json: options.Json = False,
-) -> None:
-    """Print BibTeX entries of the paper, of eqt, and of the laws that a result used."""
-    from eqt_cli import api
-
-    entries = api.cite(result)
-    print_source({"bibtex": entries.split("\n\n")}, entries, json=json)

@@ -12,7 +12,8 @@ from said import says
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.files import checksum_of
-from eqt_cli.extensions.diff import diff as differences
+
+pytestmark = pytest.mark.needs("diff")
 
 BRIEF = (
     *("--set", "controllers=[eqt]", "--set", "ensemble.runs=1"),
@@ -73,7 +74,7 @@ def test_another_configuration(eqt, monkeypatch):
     count = str(np.count_nonzero(gap))
     assert row.split() == ["pose_error", "2×3×11", count, f"{gap.max():.3g}"]
     whole = eqt_cli.diff("first", "second")
-    monkeypatch.setattr(differences, "BLOCK_ENTRIES", 50)
+    monkeypatch.setattr("eqt_cli.extensions.diff.diff.BLOCK_ENTRIES", 50)
     assert eqt_cli.diff("first", "second") == whole  # large datasets are read in parts
 
 

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 import eqt_cli
-from eqt_cli.api.drawing import PAPER, PROGRAM, citations
 from eqt_cli.components.laws import controllers
+from eqt_cli.extensions.citations.citations import PAPER, PROGRAM, citations
 from eqt_cli.results.result import Result
 
 CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))

@@ -1,0 +1,1 @@
+from eqt_cli.extensions.citations.citations import cite as cite
