@@ -208,6 +208,12 @@ satellite_wheels() {
 	picture commands commands --option run=1 --to 20
 }
 
+keep_out() {
+	experiment keep_out examples/effects/keep_out.yaml --engine native
+	numbers keep_out
+	picture keep_out keep_out
+}
+
 satellite_failures() {
 	experiment satellite_failures configs/satellite_breaks.yaml --engine native --set store.trajectories=none
 	numbers failures --width page
@@ -263,7 +269,7 @@ fi
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
 	all=(provable fronts se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
-		satellite_breaks satellite_failures quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
+		satellite_breaks satellite_failures keep_out quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family quadrotor_recovery)
 elif [ $# = 0 ]; then
 	echo "there is no C compiler: the other experiments are left out"

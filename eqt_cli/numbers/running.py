@@ -80,6 +80,10 @@ class SampledRuns:
         """The time of a sample, s."""
         return self.times
 
+    def of_times(self, function: Callable[[Array], Array]) -> Any:
+        """Return the values of a function of the times ``(samples,)`` at the samples."""
+        return function(self.times)
+
     def within(self, cut: Cut, columns: Sequence[Array]) -> tuple[Self, list[Array]]:
         """Return the samples in a window, and values at them."""
         cuts = [cut(self.times, values) for values in columns]
@@ -277,6 +281,9 @@ class Running(SampledRuns):
     @property
     def time(self) -> Any:
         return self._column(self.times)
+
+    def of_times(self, function: Callable[[Array], Array]) -> Any:
+        return self._column(function(self.times))
 
     def within(self, cut: Cut, columns: Sequence[Any]) -> tuple[Running, list[Any]]:
         times, _ = cut(self.times, np.zeros((1, len(self.times))))

@@ -33,6 +33,7 @@ ESTIMATED = {
     },
     "estimator": {"kind": "invariant"},
 }
+CONES = [{"axis": [0, 0, 1], "at": [1, 0, "sin(t)"], "angle": "40 deg"}]
 SWEEP = {
     "sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}],
     "ensemble": {"runs": 8, "seed": 1},  # the fewest of which a win is significant
@@ -70,6 +71,9 @@ def make_results(folder):
         ("estimated", ESTIMATED),
     ):
         api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
+    if has("keep_out"):
+        cones = {"metrics": [{"kind": "keep_out_time", "cones": CONES}], "name": "cones"}
+        api.run(CONFIG | cones, folder / "cones")
     if not has("search"):
         return
     api.tune(CONFIG | {"tune": TUNE}, folder / "tuned")
@@ -95,6 +99,7 @@ def results(made_once):
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
     opened |= {name: open_at(folder / name) for name in SEARCHED.values() if has("search")}
+    opened |= {"cones": open_at(folder / "cones")} if has("keep_out") else {}
     yield opened, recording_of_run(opened["single"]) if has("recordings") else None
     for one in opened.values():
         one.close()
@@ -108,6 +113,8 @@ def subject(figure_class):
     """The kind of result that a figure is of."""
     if figure_class.name in SEARCHED:
         return SEARCHED[figure_class.name]
+    if figure_class.name == "keep_out":
+        return "cones"
     if figure_class in (Commands, EstimateFigure):
         return "estimated"
     return "sweep" if of_sweep(figure_class) else "single"

@@ -1,0 +1,11 @@
+"""Keep-out cones: how long, and how far, an axis of the body comes too near to a direction."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("metrics", "keep_out_time", "cones")
+    extension.add_component("metrics", "keep_out_margin", "cones")
+    extension.add_component("figures", "keep_out", "figures")
+    extension.add_function("remarks on an experiment", "remarks.remarks")

@@ -1,0 +1,173 @@
+"""Cones that an axis of the body must stay out of, and the metrics of their violation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply, dot, less, minimum, norm, sqrt, stack, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.expressions import formula
+from eqt_cli.base.option_types import Angle, Real, shown
+from eqt_cli.base.registry import Keys
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.matrix_groups import check_turns_in_space
+from eqt_cli.components.tasks import Direction
+from eqt_cli.extend import Metric, SampledRuns
+
+
+@dataclass(frozen=True)
+class Cone(Keys):
+    """A cone about a direction in space, such as that of the Sun, for an axis of the body.
+
+    Attributes
+    ----------
+    axis
+        The axis in the body, such as the line of sight of a star tracker.
+    angle
+        Half the opening of the cone, rad: the least angle that is allowed.
+    at
+        The direction in space, of any length: three numbers, or expressions in t.
+    table
+        Instead: rows [t, x, y, z] of the direction over time, linear between them, and constant
+        before and after.
+    """
+
+    axis: Direction
+    angle: Angle
+    at: list[str | float] | None = None
+    table: list[list[Real]] | None = None
+
+    def direction(self, t: Any, of_times: Any) -> Array:
+        """Return the direction of length 1, ``(..., 3)``.
+
+        Parameters
+        ----------
+        t
+            The time, s, a number or a symbol of each sample.
+        of_times
+            Makes of a function of the times what belongs to each sample.
+        """
+        if self.table is None:
+            values = [formula(each).evaluate({"t": t}) for each in self.at or ()]
+        else:
+            times, *columns = np.array(self.table, dtype=float).T
+            values = [of_times(lambda at, x=x: np.interp(at, times, x)) for x in columns]
+        d = stack(values)
+        return d / sqrt(dot(d, d))[..., None]
+
+    def margin(self, R: Array, t: Any, of_times: Any) -> Array:
+        """Return the angle between axis and direction beyond that of the cone, deg.
+
+        By the chord of the nearer of both ends of the direction, which is exact to rounding.
+        """
+        d = self.direction(t, of_times)
+        a = (R * np.array(self.axis)).sum(axis=-1)
+        a = a / sqrt(dot(a, a))[..., None]  # a pose leaves its group by the error of the solver
+        is_ahead = less(0.0, dot(a, d))
+        chord = where(is_ahead, norm(a - d), norm(a + d))
+        turn = 2 * apply("asin", minimum(chord / 2, 1.0))
+        return (where(is_ahead, turn, np.pi - turn) - self.angle) * (180 / np.pi)
+
+    def check(self, problems: Problems) -> None:
+        """Note what is no cone, and what is no direction over time."""
+        if not 0 < self.angle < np.pi:
+            degrees = np.degrees(self.angle)
+            problems.at("angle").add(f"expected more than 0 and less than 180 deg, got {degrees:g}")
+        if (self.at is None) == (self.table is None):
+            problems.add("expected either at, such as [1, 0, 0], or table")
+        elif self.at is not None:
+            here = problems.at("at")
+            for k, each in enumerate(self.at):
+                with here.catching(k):
+                    formula(each)
+            if len(self.at) != 3 or not any(each != 0 for each in self.at):
+                here.add(f"expected a direction [x, y, z], not all 0, got {shown(self.at)}")
+        else:
+            _check_table(self.table or [], problems.at("table"))
+
+
+def _check_table(rows: Sequence[Sequence[float]], problems: Problems) -> None:
+    if not rows:
+        problems.add("expected rows [t, x, y, z], got none")
+    for k, row in enumerate(rows):
+        if len(row) != 4 or not any(row[1:]):
+            problems.at(k).add(f"expected [t, x, y, z] with a direction, got {list(row)}")
+        elif k and len(rows[k - 1]) == 4 and row[0] <= rows[k - 1][0]:
+            before = rows[k - 1][0]
+            problems.at(k).add(f"expected a time after {before:g} s, got {row[0]:g} s")
+
+
+@dataclass(frozen=True)
+class OfCones(Metric):
+    """A number of the angles between axes of the body and directions that they must stay off.
+
+    Attributes
+    ----------
+    cones
+        The cones, of which the nearest counts: each {axis: [0, 0, 1], at: [1, 0, 0], angle: 30 deg}
+        or with a `table` of rows [t, x, y, z].
+    """
+
+    signals: ClassVar[tuple[str, ...]] = ("pose",)
+
+    cones: list[Cone] = field(kw_only=True)
+
+    def margin(self, over: SampledRuns, pose: Array) -> Array:
+        """Return the least margin of the cones at each sample, deg."""
+        R = pose[..., :3, :3]
+        each = [cone.margin(R, over.time, over.of_times) for cone in self.cones]
+        return reduce(minimum, each)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups without one attitude in space, and cones that are none."""
+        check_turns_in_space(self.name, G, problems)
+        if not self.cones:
+            problems.at("cones").add("expected at least one cone")
+        for k, cone in enumerate(self.cones):
+            cone.check(problems.at("cones", k))
+
+
+@dataclass(frozen=True)
+class KeepOutTime(OfCones):
+    """Time for which an axis is inside a cone."""
+
+    name: ClassVar[str] = "keep_out_time"
+    units: ClassVar[str] = "s"
+    better: ClassVar[Any] = "lower"
+
+    def of(self, over: SampledRuns, pose: Any) -> Any:
+        """The time with a negative margin, which is linear between samples."""
+        margin = self.margin(over, pose)
+        before = over.before(margin)
+        inside, was_inside = less(margin, 0.0), less(before, 0.0)
+        apart = where(inside, where(was_inside, 1.0, before - margin), margin - before)
+        apart = where(less(0.0, apart), apart, 1.0)
+        crossing = where(inside, -margin / apart, where(was_inside, -before / apart, 0.0))
+        share = where(inside, where(was_inside, 1.0, crossing), crossing)
+        return over.weighted(np.diff(over.times, prepend=over.times[0]), share)
+
+
+@dataclass(frozen=True)
+class KeepOutMargin(OfCones):
+    """Least angle beyond the edge of a cone, negative inside."""
+
+    name: ClassVar[str] = "keep_out_margin"
+    units: ClassVar[str] = "deg"
+    better: ClassVar[Any] = "higher"
+
+    def of(self, over: SampledRuns, pose: Any) -> Any:
+        """The least margin at a sample."""
+        return over.smallest(self.margin(over, pose))
+
+
+def stretches(times: Array, margin: Array) -> Iterator[tuple[float, float, float]]:
+    """Yield start, end and least margin of each stretch inside, for one run ``(samples,)``."""
+    inside = np.concatenate([[False], margin < 0, [False]])
+    edges = np.flatnonzero(np.diff(inside.astype(int)))
+    for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
+        yield float(times[first]), float(times[last]), float(margin[first : last + 1].min())

@@ -1,0 +1,28 @@
+"""Remarks before a run: where the reference itself enters a cone."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.engines.horizon import Horizon
+from eqt_cli.extensions.keep_out.cones import OfCones, stretches
+from eqt_cli.numbers.running import SampledRuns
+
+
+def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Any, str]]:
+    """Yield where the reference is inside a cone of the first metric of cones."""
+    places = [k for k, each in enumerate(experiment.metrics) if isinstance(each, OfCones)]
+    if not places:
+        return
+    shown = shown or experiment.reference_over_horizon()
+    metric = experiment.metrics[places[0]]
+    assert isinstance(metric, OfCones)
+    over = SampledRuns(shown.times)
+    for number, cone in enumerate(metric.cones):
+        margin = cone.margin(shown.pose[:, :3, :3], over.time, over.of_times)
+        for start, end, least in stretches(shown.times, margin):
+            yield (
+                ("metrics", places[0], "cones", number),
+                f"the reference is inside from {start:.4g} to {end:.4g} s, by up to "
+                f"{-least:.3g} deg: no law that follows it stays out",
+            )

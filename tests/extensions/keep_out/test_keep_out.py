@@ -1,0 +1,132 @@
+"""Keep-out cones: their numbers by a plain program, remarks on the reference, what is no cone."""
+
+import numpy as np
+import pytest
+from small_experiment import mapping
+
+from eqt_cli import api
+from eqt_cli.base.errors import ConfigError, Problems
+from eqt_cli.base.option_types import Kind
+from eqt_cli.config.remarks import remarks
+from eqt_cli.extend import group_named
+from eqt_cli.loop.signals import metrics
+from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.results.result import open_result
+
+pytestmark = pytest.mark.needs("keep_out")
+
+TABLE = [[0, 1, 0, 0], [4, 0.5, 0.2, -0.8], [7, 0, 1, -1]]
+CONES = {
+    "constant": {"axis": [0, 0, 1], "at": [1, 0.1, 0.2], "angle": "40 deg"},
+    "expressions": {"axis": [0, 0.6, 0.8], "at": ["cos(0.3*t)", "sin(0.3*t)", 3], "angle": 0.9},
+    "table": {"axis": [1, 0, 0], "table": TABLE, "angle": "50 deg"},
+}
+
+
+def direction(name, t):
+    if name == "constant":
+        d = np.tile([1, 0.1, 0.2], (len(t), 1))
+    elif name == "expressions":
+        d = np.column_stack([np.cos(0.3 * t), np.sin(0.3 * t), 3 + 0 * t])
+    else:
+        times, *columns = np.transpose(TABLE)
+        d = np.column_stack([np.interp(t, times, x) for x in columns])
+    return d / np.linalg.norm(d, axis=1)[:, None]
+
+
+def expected(name, t, Q):
+    """Time inside and least margin, deg: angles by atan2, crossings on straight lines."""
+    cone = metric(name).cones[0]
+    axis, d = Q[..., :3, :3] @ np.array(cone.axis), direction(name, t)
+    across = np.linalg.norm(np.cross(axis, d), axis=-1)
+    angle = np.arctan2(across, np.einsum("rsk,sk->rs", axis, d)) - cone.angle
+    inside = np.zeros(len(angle))
+    for run, margins in enumerate(angle):
+        for a, b, dt in zip(margins, margins[1:], np.diff(t), strict=False):
+            low, high = min(a, b), max(a, b)
+            inside[run] += dt * (high < 0 or (low < 0 and -low / (high - low)))
+    return inside, np.degrees(angle.min(axis=1))
+
+
+def metric(name, kind="keep_out_time"):
+    read = Kind(metrics).read({"kind": kind, "cones": [CONES[name]]}, Problems(str))
+    assert read
+    return read
+
+
+@pytest.mark.parametrize("name", CONES)
+def test_numbers_are_those_of_a_plain_program(name):
+    t, turns = np.linspace(0, 8, 81), np.random.default_rng(3).normal(size=(3, 1, 3))
+    Q = group_named("SO3").exp(turns * np.linspace(0, 2, 81)[:, None])
+    time, margin = expected(name, t, Q)
+    assert time.any()
+    assert (time < 8).any()
+    over = SampledRuns(t)
+    np.testing.assert_allclose(metric(name).of(over, Q), time, rtol=0, atol=1e-12)
+    least = metric(name, "keep_out_margin").of(over, Q)
+    np.testing.assert_allclose(least, margin, rtol=0, atol=1e-11)
+
+
+@pytest.mark.ci("compiles the metrics of six experiments")
+@pytest.mark.filterwarnings("ignore::eqt_cli.base.errors.EqtWarning")  # the reference is inside
+@pytest.mark.parametrize("name", CONES)
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_runs_have_these_numbers(name, engine, tmp_path):
+    """A pose is in its group to some 1e-11, and crossings take 0.1 s."""
+    kinds = ("keep_out_time", "keep_out_margin")
+    config = mapping(
+        solver={"engine": engine, "rtol": 1e-8},
+        ensemble={"runs": 12},
+        time={"duration": 8, "samples": 81},
+        metrics=[{"kind": kind, "cones": [CONES[name]]} for kind in kinds],
+        measure={"start": 1},
+    )
+    api.run(config, tmp_path / "all")
+    api.run(config | {"store": {"trajectories": "none"}}, tmp_path / "none")
+    with open_result(tmp_path / "all") as stored, open_result(tmp_path / "none") as on_the_way:
+        t = stored["time"]
+        late = t >= 1 - 1e-9
+        found = expected(name, t[late], stored["pose"][0][:, late])
+        for kind, values in zip(kinds, found, strict=True):
+            np.testing.assert_allclose(stored[kind][0], values, rtol=0, atol=1e-9)
+            np.testing.assert_array_equal(on_the_way[kind], stored[kind])
+
+
+def test_a_reference_that_enters_is_remarked_on():
+    slew = {"kind": "slew", "to": {"rotvec": [0, "120 deg", 0]}, "duration": 4}
+    cones = [{"axis": [0, 0, 1], "at": [1, 0, 0], "angle": "20 deg"}]
+    config = mapping(
+        reference=slew,
+        metrics=[{"kind": "keep_out_time", "cones": cones}],
+        time={"duration": 5, "samples": 51},
+    )
+    said = "\n".join(map(str, remarks(api.load_experiment(config).base)))
+    assert "metrics[0].cones[0]: the reference is inside from" in said
+    cones[0]["axis"] = [0, 1, 0]  # which the slew does not turn
+    said = "\n".join(map(str, remarks(api.load_experiment(config).base)))
+    assert "inside" not in said
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "word"),
+    [
+        ({"at": None}, "cones[0]", "expected either at"),
+        ({"table": TABLE}, "cones[0]", "expected either at"),
+        ({"at": [0, 0, 0]}, "cones[0].at", "not all 0"),
+        ({"at": [1, 0]}, "cones[0].at", "[x, y, z]"),
+        ({"at": [1, 0, "cos(t"]}, "cones[0].at[2]", "cos(t"),
+        ({"at": None, "table": [[0, 1, 0]]}, "cones[0].table[0]", "[t, x, y, z]"),
+        ({"at": None, "table": TABLE[::-1]}, "cones[0].table[1]", "a time after 7 s"),
+        ({"angle": "200 deg"}, "cones[0].angle", "less than 180 deg"),
+        ({"angle": "20 s"}, "cones[0].angle", "an angle in"),
+        ({"axis": [0, 0, 0]}, "cones[0].axis", "not all 0"),
+        ({"sun": 1}, "cones[0].sun", "unknown"),
+    ],
+)
+def test_what_is_no_cone_is_said_at_its_place(change, place, word):
+    cone = {key: x for key, x in (CONES["constant"] | change).items() if x is not None}
+    config = mapping(metrics=[{"kind": "keep_out_time", "cones": [cone]}])
+    with pytest.raises(ConfigError) as refused:
+        api.load_experiment(config)
+    assert place in str(refused.value)
+    assert word in str(refused.value)
