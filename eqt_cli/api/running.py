@@ -10,6 +10,7 @@ from typing import Any
 
 from eqt_cli.api.loading import Configuration, ResultPath, StoredResult, load_experiment
 from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import Kind
 from eqt_cli.base.yaml_source import flow, parse_value
 from eqt_cli.config.document import read_config
@@ -185,13 +186,22 @@ def choose_executor(
     return chosen.for_engine(experiment.base.engine)
 
 
-def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
-    """Join the shards of an experiment that several calls of `run` computed.
+def pack(
+    folder: ResultPath,
+    *others: ResultPath,
+    out: str | os.PathLike[str] | None = None,
+    trust_plugins: bool = False,
+) -> StoredResult:
+    """Join the shards of an experiment that several calls of `run` computed, or several results.
 
     Parameters
     ----------
     folder
-        The result folder of all shards.
+        The result folder of all shards, or a result.
+    *others
+        Results that differ from it in points, laws or seeds.
+    out
+        Folder of the result of all of them; only with `others`.
     trust_plugins
         Whether to execute the plugins that the folder contains.
 
@@ -210,6 +220,12 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     >>> eqt_cli.pack("results/paper").failed
     0
     """
+    if others or out is not None:
+        if not others or out is None:
+            raise EqtError("pack: several results need a folder `out`, and one needs none")
+        paths = [Path(path) for path in (folder, *others)]
+        done = function_for("pack --out")(paths, Path(out), trusted=trust_plugins)
+        return StoredResult(done.folder.path, outcome=done)
     ResultFolder(Path(folder)).check()
     document = read_config(Path(folder, CONFIG), trusted=trust_plugins)
     document = replace(document, home=replace(document.home, is_result=True))

@@ -128,13 +128,20 @@ def pack(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Result folder to which all shards wrote.")
     ],
+    others: Annotated[
+        list[Path] | None, typer.Argument(metavar="OTHER", help="Results to join with the first.")
+    ] = None,
+    out: options.Out = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
-    """Join the parts of all shards to one results.h5."""
+    """Join the parts of all shards to one results.h5; with --out, several results to one.
+
+    Results may differ in points, laws and seeds.
+    """
     from eqt_cli import api
 
-    done = api.pack(folder, trust_plugins=trust_plugins)
+    done = api.pack(folder, *(others or ()), out=out, trust_plugins=trust_plugins)
     if done.outcome.was_complete:
         say(f"{folder} already holds the complete result; there is nothing to pack")
     report(done, json=json)
