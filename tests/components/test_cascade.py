@@ -776,6 +776,7 @@ def test_a_direction_of_length_1_is_left_alone():
         assert once == pytest.approx(along / np.sqrt(np.sum(np.square(along))), rel=1e-15)
 
 
+@pytest.mark.needs("autopilots")
 @pytest.mark.parametrize("engine", ["native", "solve_ivp"])
 def test_a_cascade_by_rates_is_that_of_a_plain_program(engine):
     """ω_c from the quaternion of R and R_c, and a rate loop 30 times as fast as Ω."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.extend import EqtError
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "autopilot"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "autopilot"
 PERIOD, DURATION = 0.004, 0.2
 
 # A plain program of examples/autopilot/autopilot.yaml, with `rates: none` of Lee's law --------
@@ -120,7 +120,6 @@ def flown(law, p, v, R, w):
 
 
 @pytest.mark.ci("a plain program integrates 50 periods")
-@pytest.mark.needs("network")
 @pytest.mark.parametrize("engine", ["native", "solve_ivp"])
 @pytest.mark.parametrize("law", [px4, lee, network])
 def test_laws_with_and_without_own_blocks_fly_as_a_plain_program_does(

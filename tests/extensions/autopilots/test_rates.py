@@ -13,11 +13,11 @@ from scipy.linalg import expm
 from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.actuators import RateLoop
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.cascade import Rate
 from eqt_cli.components.mechanics import Gains, LawInput
 from eqt_cli.extend import EqtError, Inertia, Problem, group_named
+from eqt_cli.extensions.autopilots.rate import Rate
+from eqt_cli.extensions.autopilots.rate_loop import RateLoop
 from eqt_cli.loop.law_program import law_program
 
 SO3 = group_named("SO3")
