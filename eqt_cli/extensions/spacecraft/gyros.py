@@ -20,7 +20,7 @@ from eqt_cli.base.arrays import (
     transpose,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Angle, Scale, Unit
+from eqt_cli.base.option_types import Scale, Unit
 from eqt_cli.base.stored import Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
@@ -37,6 +37,14 @@ RATE = signal("gimbal_rate", "rad/s", r"\dot\delta", "δ̇", dims=(GYRO,), words
 
 OF_EACH = ("momentum", "inertia", "gain", "limit", "start")
 """Options with a number for each gyro."""
+
+
+def _axes(pyramid: Any) -> Array:
+    """Return g, s at δ = 0, and g × s of all gyros as columns, ``(3, 3, n)``."""
+    at, tilt = np.pi / 4 + np.pi / 2 * np.arange(COUNT), np.asarray(pyramid, float)
+    out, s = np.array([[np.cos(at), np.sin(at), 0 * at], [-np.sin(at), np.cos(at), 0 * at]])
+    g = np.sin(tilt) * out + np.cos(tilt) * np.eye(3)[:, 2:]
+    return np.array([g, s, np.cross(g, s, axis=0)])
 
 
 @dataclass(frozen=True)
@@ -67,7 +75,8 @@ class Gyros(Actuator):
         k of the drives, N m s (per rad): a rate is tracked with a lag of J_g/k.
     pyramid
         The angle of the gimbal axes from z; seen from above, at 45°, 135°, 225° and 315° from x.
-        At δ = 0, the rotors spin about horizontal axes, counter-clockwise around z.
+        At δ = 0, the rotors spin about horizontal axes, counter-clockwise around z. Runs may draw
+        it, one for all gyros or one for each.
     limit
         Largest commanded rate of a gimbal, rad/s. Default: no limit.
     start
@@ -75,7 +84,8 @@ class Gyros(Actuator):
     damping
         λ of the steering law.
     told
-        Whether the steering law knows an h that is drawn for a run, in place of its mean.
+        Whether the steering law knows an h and a pyramid that are drawn for a run, in place of
+        their means.
     """
 
     name: ClassVar[str] = "gyros"
@@ -86,13 +96,14 @@ class Gyros(Actuator):
     momentum: Annotated[Numbers, Scale("momentum of the rotors", "N m s")]
     inertia: Annotated[Numbers, Scale("inertia of the gimbals", "kg m^2")]
     gain: Annotated[Numbers, Scale("gain of the drives", "N m s")]
-    pyramid: Angle
+    pyramid: Annotated[Numbers, Unit("rad")]
     limit: Annotated[Numbers | None, Scale("limit of the gimbal rates", "rad/s")] = None
     start: Annotated[Numbers | None, Unit("rad")] = None
     damping: Annotated[float, Field(ge=0, lt=1)] = 0.01
     told: bool = False
     axes: Any = field(default=None, init=False, repr=False)
     believed: Any = field(default=None, init=False, repr=False)
+    mean_axes: Any = field(default=None, init=False, repr=False)
     fixed: bool = field(default=False, init=False, repr=False, metadata=STRUCTURE)
 
     @property
@@ -126,14 +137,14 @@ class Gyros(Actuator):
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return gyros with g, s at δ = 0, and g × s as columns, and a number for each."""
-        at, tilt = np.pi / 4 + np.pi / 2 * np.arange(COUNT), self.pyramid
-        out, s = np.array([[np.cos(at), np.sin(at), 0 * at], [-np.sin(at), np.cos(at), 0 * at]])
-        g = np.sin(tilt) * out + np.cos(tilt) * np.eye(3)[:, 2:]
         part, values = self.drawn(random), {"start": np.zeros(COUNT)}
         values |= of_each(part, OF_EACH, COUNT)
         if is_drawn(self.momentum) and not self.told:
             values["believed"] = np.full(COUNT, drawn(self.momentum, None))
-        return with_fields(part, axes=np.array([g, s, np.cross(g, s, axis=0)]), **values)
+        if is_drawn(self.pyramid) and not self.told:
+            values["mean_axes"] = _axes(drawn(self.pyramid, None))
+        values["pyramid"] = np.broadcast_to(np.asarray(part.pyramid, float), COUNT)
+        return with_fields(part, axes=_axes(part.pyramid), **values)
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: δ and p of each gyro."""
@@ -148,17 +159,18 @@ class Gyros(Actuator):
     def _joined(self, of_angles: Array, of_momenta: Array) -> Array:
         return np.concatenate(([of_angles] if not self.fixed else []) + [of_momenta], axis=-1)
 
-    def _turned(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return g, s(δ) and A, ``(..., 3, n)``."""
-        g, s, t = (self.axes[..., k, :, :] for k in range(3))
+    def _turned(self, x: Array, axes: Any = None) -> tuple[Array, Array, Array]:
+        """Return g, s(δ) and A, ``(..., 3, n)``, of their axes or of others."""
+        axes = self.axes if axes is None else axes
+        g, s, t = (axes[..., k, :, :] for k in range(3))
         start: Any = self.start
         angle = start[..., None, :] if self.fixed else x[..., None, :COUNT]
         c, sine = cos(angle), sin(angle)
         return g, c * s + sine * t, self.momentum[..., None, :] * (c * t - sine * s)
 
-    def _steered(self, command: Array, A: Array) -> tuple[Array, Array]:
+    def _steered(self, command: Array, x: Array) -> tuple[Array, Array]:
         """Return the commanded rates of the gimbals, without and with their limit."""
-        h = self.momentum
+        h, A = self.momentum, self._turned(x, self.mean_axes)[2]
         if self.believed is not None:
             h, A = self.believed, (self.believed / h)[..., None, :] * A
         h2 = (h * h).sum(axis=-1)[..., None] / COUNT
@@ -170,7 +182,7 @@ class Gyros(Actuator):
         """Return g, A, and δ̇ and ṗ of a body at rest."""
         g, _, A = self._turned(x)
         rates = x[..., -COUNT:] / self.inertia
-        return g, A, rates, self.gain * (self._steered(command, A)[1] - rates)
+        return g, A, rates, self.gain * (self._steered(command, x)[1] - rates)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the torque −Ḣ on a body at rest, and the force of the command."""
@@ -195,7 +207,7 @@ class Gyros(Actuator):
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command without the torque that the limit takes, before any drive."""
         A = self._turned(x)[2]
-        wanted, rates = self._steered(command, A)
+        wanted, rates = self._steered(command, x)
         lost = apply_matrix(A, wanted - rates)
         return np.concatenate([command[..., :3] + lost, command[..., 3:]], axis=-1)
 
@@ -203,7 +215,7 @@ class Gyros(Actuator):
         """Return 1 where a commanded rate is beyond the limit, else 0."""
         if self.limit is None:
             return None
-        return outside(self._steered(command, self._turned(x)[2])[0], -self.limit, self.limit)
+        return outside(self._steered(command, x)[0], -self.limit, self.limit)
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield remarks on the turns about which no gyro has a torque, ever or at the start."""
@@ -219,4 +231,4 @@ class Gyros(Actuator):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are wrong."""
         check_turns_in_space(self.name, G, problems)
-        check_members(self, COUNT, "gyro", OF_EACH, "start", problems)
+        check_members(self, COUNT, "gyro", (*OF_EACH, "pyramid"), "start pyramid", problems)

@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from small_experiment import mapping
 
 from eqt_cli import api
+from eqt_cli.components.vehicle_parts import Normal
+from eqt_cli.extend import group_named
+from eqt_cli.extensions.spacecraft.gyros import Gyros
 from eqt_cli.results.result import open_result
 
 AXES = [
@@ -13,6 +17,7 @@ AXES = [
     [0, {"uniform": [-0.1, 0.1]}, 1],
 ]
 J = np.diag([2.0, 1.5, 1.2])
+SO3 = group_named("SO3")
 
 
 @pytest.mark.ci("runs of misaligned wheels")
@@ -43,3 +48,33 @@ def test_the_momentum_of_body_and_wheels_stays(tmp_path, told):
             command, torque = result["command"][0, run], result["torque"][0, run]
             expected = command if told else command @ A.T
             np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_gyros_are_steered_for_the_mean_pyramid(told):
+    """The torque is −(A δ̇ + g k (δ̇_c − δ̇)) of the drawn axes, δ̇_c by A of the nominal ones."""
+    h, inertia, k, tilt = 2.0, 0.1, 0.7, 0.95
+    part = Gyros(h, inertia, k, [Normal([tilt, 0.05])] * 3 + [tilt], told=told)
+    assert part.varies
+    G, draws, random = SO3, np.random.default_rng(3), np.random.default_rng(4)
+    tilts = [*(draws.normal(tilt, 0.05) for _ in range(3)), tilt]
+    angle, p, command = random.normal(size=(3, 4))  # of body and gimbals
+
+    def by_hand(tilts):
+        """Columns g and h t(δ) of each gyro."""
+        g, A = np.zeros((2, 3, 4))
+        for i, b in enumerate(tilts):
+            at = np.pi / 4 + i * np.pi / 2
+            g[:, i] = np.sin(b) * np.cos(at), np.sin(b) * np.sin(at), np.cos(b)
+            s = np.array([-np.sin(at), np.cos(at), 0])
+            spin = Rotation.from_rotvec(angle[i] * g[:, i]).apply(s)
+            A[:, i] = h * np.cross(g[:, i], spin)
+        return g, A
+
+    (g, A), (_, nominal) = by_hand(tilts), by_hand(tilts if told else [tilt] * 4)
+    gram = nominal @ nominal.T + 0.01 * h**2 * np.eye(3)
+    asked = -nominal.T @ np.linalg.solve(gram, command[:3])
+    expected = -(A @ (p / inertia) + g @ (k * (asked - p / inertia)))
+    run = part.of_run(G, np.random.default_rng(3))
+    found = run.output(G, command[:3], np.concatenate([angle, p]))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
