@@ -170,6 +170,7 @@ def _by(program: str, runs: int, own: Path) -> None:
     """
     import numpy  # noqa: F401
 
+    sys.modules["sympy"] = None  # type: ignore[assignment] # heyoka imports it where torch has it
     import_module(program)
     began = time.process_time()
     from benchmarks.cases import load

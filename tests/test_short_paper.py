@@ -47,8 +47,8 @@ def test_the_paper_has_the_form_of_its_journal():
         ("with 24 other", "explanation/paper"),
         ("eight", "explanation/public_laws"),
         ("ten cases", "explanation/public_laws"),
-        ("0.17 s", "../README"),
-        ("105 s", "../README"),
+        ("1,400", "../README"),
+        ("6e-9", "../README"),
         ("three of", "explanation/paper"),
     ],
 )

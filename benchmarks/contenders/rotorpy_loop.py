@@ -34,8 +34,17 @@ def missing_batches() -> str | None:
 
 
 def program(duration: float, runs: int) -> str:
-    """A whole program of a user, which flies its default start so often."""
+    """A whole program of a user, which flies its default start so often.
+
+    RotorPy imports torch where it is installed, for seconds, and needs it for batches only.
+    """
     return f"""
+import sys
+class WithoutTorch:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("torch", "torchdiffeq", "roma"):
+            raise ImportError(name)
+sys.meta_path.insert(0, WithoutTorch())
 import numpy as np
 from rotorpy.controllers.quadrotor_control import SE3Control
 from rotorpy.environments import Environment
