@@ -78,3 +78,21 @@ def test_gyros_are_steered_for_the_mean_pyramid(told):
     run = part.of_run(G, np.random.default_rng(3))
     found = run.output(G, command[:3], np.concatenate([angle, p]))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.ci("runs until they rest")
+def test_a_turned_star_tracker_leaves_its_own_angle(tmp_path):
+    """Q_m = Q exp(n) with the drawn n comes to Q_d, and so Q to Q_d exp(−n)."""
+    value = [{"normal": [0, 0.02]}, {"normal": [0, 0.01]}, {"uniform": [-0.03, 0.03]}]
+    changes = {"inertia": [2, 1.5, 1.2], "controllers": ["gt"], "gains": {"kp": 2, "kd": 4}}
+    changes |= {"reference": {"kind": "constant"}, "control": {"period": 0.05}}
+    changes |= {"sensors": {"pose": [{"kind": "bias", "value": value}]}}
+    changes |= {"time": {"duration": 60, "samples": 3}, "ensemble": {"runs": 5}}
+    changes |= {"initial": {"pose": {"kind": "exp_normal", "std": 0.3}}}
+    api.run(mapping(**changes), out=tmp_path / "r")
+    with open_result(tmp_path / "r") as result:
+        keys = [f"drawn.sensors.pose.0.value.{k}" for k in range(3)]
+        n = np.column_stack([result[key] for key in keys])
+        expected = Rotation.from_rotvec(-n).as_matrix()
+        assert np.abs(n).max() > 0.01
+        np.testing.assert_allclose(result["pose"][0, :, -1], expected, rtol=0, atol=1e-9)
