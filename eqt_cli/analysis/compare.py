@@ -17,7 +17,7 @@ from eqt_cli.base.reporting import listed
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Measure, Window
-from eqt_cli.results.result import PerRun, Result, by_parts, covers
+from eqt_cli.results.result import PerRun, Result, by_parts, covers, window_of
 from eqt_cli.results.summary import own_metrics, repeats
 
 _Laws = Mapping[str, tuple[Result, str]]
@@ -96,7 +96,7 @@ def compare(
         key = measure.name, window.within(result.times)
         if key not in numbers and (number := _number(laws, measure, window, bool(metrics))):
             numbers[key] = number
-    if second is not None and not windows and second.window != result.window:
+    if second is not None and not windows and window_of(second) != window_of(result):
         lost = [
             measure.name
             for measure, over in chosen
@@ -197,7 +197,7 @@ def _number(laws: _Laws, measure: Measure, window: Window, by_name: bool) -> Per
 
 def _other_window(names: Sequence[str], both: Sequence[Result], lost: Sequence[str]) -> str:
     """Say that two results measure over other windows, and which numbers cannot be compared."""
-    first, second = (one.window.words.strip() or "the whole runs" for one in both)
+    first, second = (window_of(one).words.strip() or "the whole runs" for one in both)
     words = f"metrics are of {names[0]} {first}, of {names[1]} {second}: compared as of {names[0]}"
     if not lost:
         return words

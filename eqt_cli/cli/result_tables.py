@@ -16,7 +16,7 @@ from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
 from eqt_cli.results import summary
-from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.result import Result, mean_over_runs, window_of
 from eqt_cli.results.timing import timing_lines
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
     from eqt_cli.analysis.maps import winners
 
     if not result.is_sweep:
-        return {"window": str(result.window), "controllers": summary.headline(result)}
+        return {"window": str(window_of(result)), "controllers": summary.headline(result)}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
@@ -85,7 +85,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
         }
         for winner_map in winners(result)
     }
-    return {"window": str(result.window), "points_won": won}
+    return {"window": str(window_of(result)), "points_won": won}
 
 
 def _headline(result: Result, laws: list[dict[str, Any]]) -> Text:

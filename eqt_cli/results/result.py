@@ -426,13 +426,7 @@ class Result(KnownResult):
     def quantity(self, name: str) -> Measure:
         """Return the row of a variable in the table, with the attributes of the file."""
         attributes = (self.long_name(name), self.attributes_of(name)) if self.has(name) else ()
-        return _of_part(self, over(quantity_of(name, *attributes), self.window))
-
-    @cached_property
-    def window(self) -> Window:
-        """The window of time over which metrics are taken, unless they have their own."""
-        start, stop = self.described.window
-        return Window(start, stop or math.inf)
+        return _of_part(self, over(quantity_of(name, *attributes), window_of(self)))
 
     @cached_property
     def comparable(self) -> dict[str, Measure]:
@@ -523,6 +517,12 @@ def by_parts(result: Result, name: str) -> list[Measure]:
         return [known[at] for at in known if at.startswith(f"{name}_")]
     parts = _parts_of(result, known[name])
     return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
+
+
+def window_of(result: Result) -> Window:
+    """Return the window of time over which metrics are taken, unless they have their own."""
+    start, stop = result.described.window
+    return Window(start, stop or math.inf)
 
 
 def covers(result: Result, quantity: Measure, window: Window) -> bool:
