@@ -84,7 +84,7 @@ def test_results_hold_them_and_need_no_plugin(warm):
 @pytest.mark.ci("draws figures")
 def test_a_figure_shows_the_members_by_name(warm, invoke):
     plot = "plot", warm, "--figure", "commands"
-    assert "commands.svg" in invoke(*plot, "--option", "signal=motor_heat").stdout
+    assert "commands.pdf" in invoke(*plot, "--option", "signal=motor_heat").stdout
     drawn = Path(warm, "figures", "commands.svg").read_text(encoding="utf-8")
     assert drawn.count("<!-- left $") == 1
     said = invoke(*plot, "--option", "signal=motor_power", code=2).stderr
