@@ -33,7 +33,7 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     return {
         "window": (window.get("start") or 0.0, window.get("stop")),
         "down": any(up[-1] == -max(map(abs, up)) < 0 for up in known),
-        "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
+        "kinds": {entry["label"]: entry["kind"] for entry in config.get("controllers") or ()},
         "inner": _inner(config),
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],
@@ -49,7 +49,9 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
 
 def _inner(config: Mapping[str, Any]) -> dict[str, str]:
     """Return the kinds of the blocks that laws have for themselves, by label."""
-    blocks = {entry["label"]: _kinds(entry.get("inner")) for entry in config["controllers"]}
+    blocks = {
+        entry["label"]: _kinds(entry.get("inner")) for entry in config.get("controllers") or ()
+    }
     return {label: ", ".join(kinds) for label, kinds in blocks.items() if kinds}
 
 

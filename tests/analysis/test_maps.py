@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from scipy.stats import binomtest
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.analysis.maps import NOBODY, Map, _notes, compare_map
 from eqt_cli.extend import EqtError
-from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import Result
 
 RUNS = 20
@@ -23,7 +22,7 @@ class Stored(Result):
 
     horizon = 100.0
     path = "made-up"
-    window = WHOLE
+    attributes: ClassVar[Any] = {}
     arrived: Any = None
 
     def __init__(self, values: Any, name: str = "mean_pose_error", failed: Any = None) -> None:

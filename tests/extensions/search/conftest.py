@@ -8,7 +8,6 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.extensions.search import training
-from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import Result
 
 SMALL = mapping(
@@ -30,7 +29,7 @@ SMALL = mapping(
 class Stored(Result):
     """A result made up of numbers of one law, ``(points, runs)``."""
 
-    horizon, window = 10.0, WHOLE
+    horizon, attributes = 10.0, {}
 
     def __init__(self, status, **numbers):
         self.numbers = {name: np.array(each, float)[:, None] for name, each in numbers.items()}
