@@ -89,7 +89,11 @@ def pytest_report_header() -> str:
 EXTENSIONS = {extension.name for extension in shipped()}
 """None where `make test-core` tries the core alone."""
 
-NEEDED = {"laws": {"sweep_lqr", "quadrotor_speeds"}, "spacecraft": {"cubesat", "cubesat_orbit"}}
+NEEDED = {
+    "laws": {"sweep_lqr", "quadrotor_speeds"},
+    "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
+    "spacecraft": {"cubesat", "cubesat_orbit"},
+}
 """Shipped configurations with components of an extension."""
 
 OF_ALL_COMMANDS = ["test_api.py", "test_benchmarks.py", "test_docs.py", "trust/test_folders.py"]
