@@ -46,7 +46,7 @@ Word = Callable[[str], str]
 
 def keyword(argument: str) -> str:
     """Return an argument as it is passed to a Python function."""
-    return f"{argument}={'True' if argument in ('force', 'trust_plugins') else '…'}"
+    return f"{argument}={'True' if argument in ('force', 'grow', 'trust_plugins') else '…'}"
 
 
 @dataclass(frozen=True)

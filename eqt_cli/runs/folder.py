@@ -100,6 +100,8 @@ RESULT_ENTRIES: tuple[Entry, ...] = (*_ENTRIES.values(), FilePattern(re.escape(L
 
 MOST_NAMES = 3
 """Largest number of other results that a message names."""
+GROWS = re.compile(r"(ensemble\.runs|sweep|controllers)\b")
+"""Keys by which a result may grow, at the beginning of a line about a difference."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +237,9 @@ class ResultFolder:
         precious = begun or self.results.exists() or (self.path / files.FIGURES).exists()
         if is_another and precious and not force:
             # Parts are not to be computed twice, so nobody is told how to remove them.
-            ways = () if begun else (Remedy("replace it with {}", "force"),)
+            ways = [] if begun else [Remedy("replace it with {}", "force")]
+            if not begun and all(GROWS.match(key) for key in self.differences(study)):
+                ways.insert(0, Remedy("keep the runs that are equal with {}", "grow"))
             raise self.of_another(study, OTHER_FOLDER, *ways)
         if begun and not force and manifest.get("plan") != study.plans.data:
             raise EqtError(
@@ -250,9 +254,12 @@ class ResultFolder:
 
     def of_another(self, study: Study, *remedies: Remedy) -> EqtError:
         """Return the error that the folder holds another experiment, with the differences."""
-        keys = _differences(self.manifest.get("config", {}), study.numeric_config)
         message = f"{self.path}: holds another experiment, which differs in"
-        return EqtError(message, *remedies, lines=[f"  {key}" for key in keys])
+        return EqtError(message, *remedies, lines=[f"  {key}" for key in self.differences(study)])
+
+    def differences(self, study: Study) -> list[str]:
+        """Return the keys in which the experiment in the folder differs, with both values."""
+        return _differences(self.manifest.get("config", {}), study.numeric_config)
 
     def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
         """Copy the files that a configuration refers to, so that the folder can be moved.

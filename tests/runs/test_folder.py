@@ -135,6 +135,8 @@ def test_figures_alone_are_not_lost_either(finished, run):
         "  gains.kp: 1.0 there, 2.0 here\n"
         "choose another folder with out=…, or replace it with force=True"
     )
+    told = refusal(run, "ensemble.runs=7").splitlines()
+    assert "keep the runs that are equal with grow=True, or replace" in told[-1]
 
 
 def test_what_was_begun_and_left_without_results_is_replaced(finished, run):
