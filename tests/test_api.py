@@ -130,6 +130,8 @@ def test_problems_of_overrides_are_named_as_python_has_them():
     assert error_of(
         eqt_cli.load_experiment, PAPER, {"gains.kd": 1, "ensemble.runs": "many"}, kind=ConfigError
     ) == ("overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'")
+    said = error_of(eqt_cli.load_experiment, PAPER, {"gains.kp": float("nan")}, kind=ConfigError)
+    assert said == "overrides['gains.kp']: gains.kp: expected a finite number, got .nan"
 
 
 @pytest.mark.parametrize(

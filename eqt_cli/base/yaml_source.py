@@ -515,9 +515,13 @@ def dump(data: dict[str, Any]) -> str:
 
 
 def flow(value: Any) -> str:
-    """Return a value as YAML on one line; JSON is valid YAML."""
+    """Return a value as YAML on one line; JSON is valid YAML, but for NaN and Infinity."""
     try:
-        return json.dumps(value, default=_listed)
+        text = json.dumps(value, default=_listed)
+        if re.search("NaN|Infinity", text):
+            lines = yaml.safe_dump(json.loads(text), default_flow_style=True, width=math.inf)
+            text = lines.removesuffix("...\n").strip()
+        return text
     except TypeError as error:
         raise EqtError(
             f"{error}: a configuration holds numbers, text, lists and mappings"

@@ -242,6 +242,10 @@ WRONG = {
         metric("odd", "over.largest(a - a.mean(axis=0))", "pose_error"),
         f"metrics[0]: {AT_START}numbers of a run that depend on other runs",
     ),
+    "another run": (
+        metric("odd", "over.largest(a - a[1])", "pose_error"),
+        f"metrics[0]: {AT_START}numbers of a run that depend on other runs",
+    ),
     "fails": (
         metric("odd", "over.middle(a)", "pose_error"),
         "metrics[0]: metric odd fails at the start of run 0: AttributeError: 'SampledRuns' "
