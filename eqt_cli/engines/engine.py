@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, final, runtime_checkable
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, distinct, norm
-from eqt_cli.base.errors import Problems
+from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.base.stored import Status
@@ -726,6 +726,13 @@ def _advanced(integrator: Integrator, span: Span, states: Array, stored: Array) 
     moving = integrator.problem.loop.moving_length
     later = slice(span.first, span.first + span.later)
     result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
+    expected: dict[str, tuple[int, ...]] = {"states": (len(states), moving)}
+    if span.later:
+        expected["samples"] = (len(states), span.later, moving)
+    for name, shape in expected.items():
+        if (got := np.shape(getattr(result, name))) != shape:
+            who = type(integrator).__qualname__
+            raise EqtError(f"{who}: advance returned {name} of shape {got}; expected {shape}")
     if span.later and result.samples.base is not stored:
         stored[runs, later, :moving] = result.samples
     if moving == states.shape[1]:

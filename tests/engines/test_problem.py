@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from said import error_of
 
 from eqt_cli.components.sensors import Errors
 from eqt_cli.engines.engine import (
@@ -80,6 +81,18 @@ class Asked(Engine):
 
     def tightened(self, factor):
         return self
+
+
+@pytest.mark.parametrize(
+    ("states", "samples", "said"),
+    [((1, 1), (2, 1, 1), "states of shape (1, 1); expected (2, 1)"),
+     ((2, 1), (2, 3, 1), "samples of shape (2, 3, 1); expected (2, 1, 1)")],
+)  # fmt: skip
+def test_an_engine_that_returns_another_shape_is_named(monkeypatch, states, samples, said):
+    result = SpanResult(np.zeros(states), np.zeros(samples), 0)
+    monkeypatch.setattr(Resting, "advance", lambda *_: result)
+    problem = Problem(loop_with_instants(), np.zeros((2, 1)), np.array([2.0, 12.0]))
+    assert f"Resting: advance returned {said}" in error_of(Asked().solve, problem)
 
 
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
