@@ -519,9 +519,8 @@ def flow(value: Any) -> str:
     try:
         text = json.dumps(value, default=_listed)
         if re.search("NaN|Infinity", text):
-            lines = yaml.safe_dump(json.loads(text), default_flow_style=True, width=math.inf)
-            text = lines.removesuffix("...\n").strip()
-        return text
+            text = yaml.safe_dump(json.loads(text), default_flow_style=True, width=math.inf)
+        return text.removesuffix("...\n").strip()
     except TypeError as error:
         raise EqtError(
             f"{error}: a configuration holds numbers, text, lists and mappings"

@@ -726,10 +726,9 @@ def _advanced(integrator: Integrator, span: Span, states: Array, stored: Array) 
     moving = integrator.problem.loop.moving_length
     later = slice(span.first, span.first + span.later)
     result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
-    expected: dict[str, tuple[int, ...]] = {"states": (len(states), moving)}
-    if span.later:
-        expected["samples"] = (len(states), span.later, moving)
-    for name, shape in expected.items():
+    shapes: list[tuple[str, tuple[int, ...]]] = [("states", (len(states), moving))]
+    shapes += [("samples", (len(states), span.later, moving))] if span.later else []
+    for name, shape in shapes:
         if (got := np.shape(getattr(result, name))) != shape:
             who = type(integrator).__qualname__
             raise EqtError(f"{who}: advance returned {name} of shape {got}; expected {shape}")

@@ -55,9 +55,8 @@ def draw_laws(
     ]
     drawn = {name: _values(runs, name, degrees) for name in signals}
     is_torque = signal == "torque_norm"
-    share = 1.0 if is_torque else _CLOSING
-    sizes = {label: _late_mean(middle, share) for label, (middle, *_) in drawn[signals[0]].items()}
-    order = sorted(sizes, key=lambda label: sizes[label])
+    share, first = 1.0 if is_torque else _CLOSING, drawn[signals[0]]
+    order = sorted(first, key=lambda label: _late_mean(first[label][0], share))
     laws = {e.label: e for e in runs.shown}
     places: layout.Mosaic = []
     for name in signals:
@@ -75,8 +74,8 @@ def draw_laws(
         is_log = not is_torque and spans_decade(np.concatenate(middles)) if log is None else log
         _bound(column, middles, runs.solver_error(name, degrees=degrees), log=is_log)
         layout.hide_inner_scales(panels, places)
-        first = [row[0] for row in places if row[0].startswith(f"{name} of ")]
-        panels[first[(len(first) - 1) // 2]].set_ylabel(runs.error_label(name, degrees=degrees))
+        left = [row[0] for row in places if row[0].startswith(f"{name} of ")]
+        panels[left[(len(left) - 1) // 2]].set_ylabel(runs.error_label(name, degrees=degrees))
     handles = {
         "the law: median, quartiles": Line2D([], [], color=runs.shown[0].look.colour),
         "the others: medians": Line2D([], [], color=ink(_GREY)),

@@ -49,9 +49,8 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
 
 def _inner(config: Mapping[str, Any]) -> dict[str, str]:
     """Return the kinds of the blocks that laws have for themselves, by label."""
-    blocks = {
-        entry["label"]: _kinds(entry.get("inner")) for entry in config.get("controllers") or ()
-    }
+    laws = config.get("controllers") or ()
+    blocks = {law["label"]: _kinds(law.get("inner")) for law in laws}
     return {label: ", ".join(kinds) for label, kinds in blocks.items() if kinds}
 
 
