@@ -31,7 +31,6 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import (
     CLOCKS,
-    CONTROL,
     ESTIMATOR,
     PROPELLANT,
     Vehicle,
@@ -605,7 +604,7 @@ class _About:
         clocks = [*vehicle.clocks.values(), *(c.clock for c in vehicle.holding(self.loop.group))]
         if not any(clock.offset for clock in clocks):
             return self._answers[0], seen
-        counts = self._counts[-vehicle.clocks[CONTROL].offset]
+        counts = self._counts[-vehicle.control.clock.offset if vehicle.control else 0]
         none = {f"{VEHICLE}{CLOCKS}": (0.0,) * len(vehicle.clocks)}
         answer = partial(self._change_and_command, counts=tuple((counts | none).items()))
         after = partial(self._after_measuring, instant=None)

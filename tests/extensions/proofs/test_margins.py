@@ -232,6 +232,17 @@ def test_late_measurements_are_as_late_commands() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
+def test_where_the_clock_of_an_actuator_begins_changes_no_eigenvalue() -> None:
+    """The law acts at every tick, so that both loops are one, begun at another tick."""
+    slow = {"kind": "limit", "limit": 9.0, "period": 0.2}
+    loops = [
+        of(WHEEL, control={"period": 0.1}, actuators=[{**slow, "offset": begun}])
+        for begun in (0.0, 0.1)
+    ]
+    at_once, later = (abs(law.growth.eigenvalue) for law in loops)
+    assert 0 < later < 1 and later == pytest.approx(at_once, rel=1e-9)
+
+
 def test_a_loop_that_a_force_keeps_beside_its_reference_is_linearised_there() -> None:
     push = {"forces": [{"kind": "constant", "force": [1.2]}]}
     law = of(WHEEL, plant=push)
