@@ -108,8 +108,8 @@ def test_json_is_one_document(eqt):
     done = eqt("run", "c.yaml", "--json", *CHECKED)
     document = json.loads(done.out)
     assert done.err == ""
-    keys = "results was_complete runs failed resumed seconds causes controllers cross_check"
-    assert set(document) == set(keys.split())
+    keys = "results was_complete runs failed resumed kept seconds causes window controllers "
+    assert set(document) == {*keys.split(), "cross_check"}
     assert (document["runs"], document["failed"], document["causes"]) == (6, 0, [])
     assert document["results"] == str(Path("results/c/results.h5"))
     assert [row["controller"] for row in document["controllers"]] == ["eqt", "gt"]

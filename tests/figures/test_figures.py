@@ -29,7 +29,7 @@ FORMATS = ("pdf", "svg", "png")
 
 # Figures of sweeps, searches, rates, recordings, actuators and estimates have tests of their own.
 OTHERS = OfSweep | Commands | EstimateFigure
-OF_EXTENSIONS = {"fronts", "worst", "rates", "measured"}
+OF_EXTENSIONS = {"fronts", "keep_out", "worst", "rates", "measured"}
 NAMES = [name for name in figures.names() if name not in OF_EXTENSIONS]
 NAMES = [name for name in NAMES if not issubclass(figures.get(name), OTHERS)]
 
