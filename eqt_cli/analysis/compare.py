@@ -18,7 +18,7 @@ from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Measure, Window
 from eqt_cli.results.result import PerRun, Result, by_parts, covers, window_of
-from eqt_cli.results.summary import own_metrics, repeats
+from eqt_cli.results.summary import not_shared, own_metrics, repeats
 
 _Laws = Mapping[str, tuple[Result, str]]
 """Results of the compared laws, by label, with the label of the law there."""
@@ -123,9 +123,6 @@ def compare(
         forces = f"without the forces of `model` (`known_forces: false`): {', '.join(without)}"
         between = [*between, forces]
     inner = {titles[x]: one.described.inner.get(law, "") for x, (one, law) in laws.items()}
-    if len({*inner.values()}) > 1:
-        blocks = ", ".join(f"{law} ({kinds or 'none'})" for law, kinds in inner.items())
-        between = [*between, f"not shared, inner blocks between law and actuators: {blocks}"]
     return Comparison(
         title=result.title if second is None else " and ".join(names),
         group=result.group_name,
@@ -149,7 +146,7 @@ def compare(
         points=max(1, *(one.out_of for one in both)),
         identical=all(repeats(one) for one in both),
         bases=bases,
-        between=between,
+        between=[*between, *not_shared(inner)],
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -376,13 +376,11 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
 
 def _winners(comparison: Comparison) -> dict[int, str]:
     """Return the law that is better than every other one, by the identity of a measure."""
-    beats: dict[int, Counter[str]] = {}
+    beats = defaultdict[int, Counter[str]](Counter)
     for pair in comparison.pairs:
-        wins = beats.setdefault(id(pair.measured), Counter())
-        if pair.word == Word.BETTER:
-            wins[pair.first] += 1
-        elif pair.word == Word.WORSE:
-            wins[pair.second] += 1
+        if pair.word in (Word.BETTER, Word.WORSE):
+            winner = pair.first if pair.word == Word.BETTER else pair.second
+            beats[id(pair.measured)][winner] += 1
     others = len(comparison.labels) - 1
     return {k: law for k, wins in beats.items() for law in wins if wins[law] == others}
 

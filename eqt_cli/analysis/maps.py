@@ -25,7 +25,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, reporter, significant, step
 from eqt_cli.results.quantity import Measure, Plain
 from eqt_cli.results.result import Result, mean_over_runs
-from eqt_cli.results.summary import compared_first, repeats, settles, unit_in_words
+from eqt_cli.results.summary import compared_first, not_shared, repeats, settles, unit_in_words
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------
 #
@@ -390,7 +390,8 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     caption = f"Which law has the better {name}, at {points} points of {each}"
     heading = write.text("largest median difference, % of the other law")
     header = ["law", "points won", heading, "at"]
-    notes = [write.text(note) for note in _notes(wins)]
+    inner = dict(zip(wins.titles, map(result.described.inner.get, wins.labels), strict=True))
+    notes = [write.text(note) for note in [*not_shared(inner), *_notes(wins)]]
     summary = TextTable("winners", caption, header, [Block("", counted)], notes)
     if points > MOST_POINTS and not whole:
         more = f"{points} points are not listed; a table of all comes with --table points."

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -142,6 +142,14 @@ def part_units(result: Result, name: str) -> list[str]:
     # A metric derives its unit from its signal's.
     of = [unit if result.is_over_time(name) else quantity.unit(unit) for unit in units]
     return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
+
+
+def not_shared(inner: Mapping[str, str | None]) -> list[str]:
+    """Return a line on the inner blocks of laws, given by title, where they are not the same."""
+    if len({*inner.values()}) < 2:
+        return []
+    blocks = ", ".join(f"{law} ({kinds or 'none'})" for law, kinds in inner.items())
+    return [f"not shared, inner blocks between law and actuators: {blocks}"]
 
 
 def repeats(result: Result) -> bool:

@@ -14,7 +14,7 @@ from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.extensions.search.tables import is_sampled
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
-from eqt_cli.results.summary import check_metrics
+from eqt_cli.results.summary import check_metrics, not_shared
 
 Answer = tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]]
 
@@ -55,6 +55,8 @@ def _of_samples(
     pairs = ratios.ratios(result, record, names, chosen, how.confidence)
     table = ratios.ratio_table(result, pairs, record["samples"], write)
     said = ratios.sentences(result, pairs[: len(pairs) // len(names)], record["samples"])
+    inner = {result.title_of[label]: result.described.inner.get(label) for label in chosen}
+    said += not_shared(inner)
     notes = [*map(write.text, said), *table.notes, *map(write.text, ratios.unequal(record))]
     rows = ratios.answer_record(pairs)
     document = {"objectives": record["objectives"], "samples": record["samples"], "pairs": rows}

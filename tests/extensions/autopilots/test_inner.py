@@ -10,7 +10,11 @@ from said import mentions
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+import eqt_cli
+from eqt_cli.analysis.maps import map_tables
+from eqt_cli.api.loading import open_at
 from eqt_cli.extend import EqtError
+from eqt_cli.results.quantity import Plain
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "autopilot"
 PERIOD, DURATION = 0.004, 0.2
@@ -166,3 +170,23 @@ def test_what_cannot_stand_within_a_law_is_refused(experiment_of, changes, said)
     with pytest.raises(EqtError) as caught:
         experiment_of(yaml.safe_dump(config | changes))
     assert mentions(str(caught.value), said)
+
+
+@pytest.mark.ci("sweeps two laws")
+def test_a_comparison_over_points_says_which_blocks_laws_do_not_share(tmp_path):
+    blocks = [{"kind": "rate_loop", "bandwidth": 10}]
+    config = {
+        "group": "SO3",
+        "inertia": [1, 1.2, 1.5],
+        "reference": {"kind": "constant"},
+        "gains": {"kp": 1.0, "kd": 1.0},
+        "controllers": [{"kind": "rate", "kp": 2, "inner": blocks}, "eqt"],
+        "ensemble": {"runs": 2, "seed": 1},
+        "initial": {"pose": "haar"},
+        "time": {"duration": 0.2, "samples": 5},
+    }
+    swept = eqt_cli.sweep(config, {"gains.kd": [1, 2]}, out=tmp_path / "swept")
+    (wins,) = eqt_cli.compare_sweep(swept, metrics=["mean_pose_error"])
+    with open_at(tmp_path / "swept") as result:
+        note = map_tables(wins, result, Plain())[0].notes[0]
+    assert "rate (rate_loop), EqT (none)" in note
