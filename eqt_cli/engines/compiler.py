@@ -510,7 +510,7 @@ def _queried(command: tuple[str, ...]) -> Compiler:
             return _read(command, flags, answer.stdout)
         said = answer.stderr or answer.stdout
     raise TraceError(
-        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_error_lines(said)
+        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=error_lines(said)
     )
 
 
@@ -642,7 +642,7 @@ def _library(
         raise TraceError(
             f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
             Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
-            lines=_error_lines(str(error)),
+            lines=error_lines(str(error)),
         ) from error
     if cache is not None:
         with suppress(OSError):
@@ -679,7 +679,7 @@ def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
 
     It is made of the source's assembly language where that is `written`, which takes little time.
     """
-    language = _language(source)
+    language = language_of(source)
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
     flags.append("-fno-verbose-asm")  # comments of clang, such as "# kill: def $eax", say nothing
     if "c++" not in language:  # eqt says it with its remedy; gcc 14 and clang 16 end with an error
@@ -696,12 +696,13 @@ def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
             raise TraceError(
                 f"the C compiler {shlex.join(by.command)} cannot compile a law",
                 Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
-                lines=_error_lines(answer.stderr or answer.stdout),
+                lines=error_lines(answer.stderr or answer.stdout),
             )
         return made.read_bytes()
 
 
-def _language(source: str) -> tuple[str, ...]:
+def language_of(source: str) -> tuple[str, ...]:
+    """Return the flags of the language of a source, C or C++."""
     return ("-x", "c++", "-std=c++17") if CPLUSPLUS in source else ("-x", "c", "-std=c99")
 
 
@@ -721,32 +722,6 @@ def object_file(source: str) -> bytes:
     """
     by = compiler()
     return _compiled(source, by, "-c", assembly(source, by))
-
-
-def preprocessed(source: str = "", file: Path | None = None) -> str:
-    """Return a C source after its preprocessor, with the markers of lines.
-
-    Parameters
-    ----------
-    file
-        The source, in place of a text. Its folder is the first in which included files are looked
-        for.
-
-    Raises
-    ------
-    TraceError
-        If there is no compiler, or it fails.
-    """
-    by = compiler()
-    begin = CPLUSPLUS if file and file.suffix in (".cpp", ".cc", ".cxx") else ""
-    flags = *_language(begin or source), *FLAGS, *by.flags, "-w", "-E"
-    answer = run([*by.command, *flags, str(file or "-")], source, PREPROCESSOR)
-    if answer.returncode:
-        raise TraceError(
-            f"the preprocessor of {shlex.join(by.command)} fails",
-            lines=_error_lines(answer.stderr) or [f"it ended with {answer.returncode}"],
-        )
-    return begin + answer.stdout
 
 
 def run(
@@ -788,7 +763,7 @@ def run(
     return subprocess.CompletedProcess(command, done.returncode, out, err)
 
 
-def _error_lines(text: str) -> list[str]:
+def error_lines(text: str) -> list[str]:
     """Return the lines with errors in a compiler's messages, else the last lines."""
     lines = text.strip().splitlines()
     return [line for line in lines if "error" in line][:MESSAGE_LINES] or lines[-MESSAGE_LINES:]

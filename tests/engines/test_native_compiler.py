@@ -269,9 +269,9 @@ def test_a_compiler_that_fails_or_tells_nothing_is_refused(on_path, without_zig,
 
 def test_five_lines_are_told_the_first_with_errors_or_else_the_last():
     lines = [f"line {k}" for k in range(9)]
-    assert compiler._error_lines("\n".join(lines)) == lines[4:]
+    assert compiler.error_lines("\n".join(lines)) == lines[4:]
     errors = [f"error {k}" for k in range(9)]
-    assert compiler._error_lines("\n".join([*lines, *errors])) == errors[:5]
+    assert compiler.error_lines("\n".join([*lines, *errors])) == errors[:5]
 
 
 @pytest.mark.parametrize("made", [True, False])

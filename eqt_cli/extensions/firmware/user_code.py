@@ -6,6 +6,7 @@ import ctypes
 import math
 import os
 import re
+import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -111,6 +112,32 @@ def files_in(text: str, file: str) -> Mapping[str, str]:
     return files
 
 
+def preprocessed(source: str = "", file: Path | None = None) -> str:
+    """Return a C source after its preprocessor, with the markers of lines.
+
+    Parameters
+    ----------
+    file
+        The source, in place of a text. Its folder is the first in which included files are looked
+        for.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    by = compiler.compiler()
+    begin = compiler.CPLUSPLUS if file and file.suffix in (".cpp", ".cc", ".cxx") else ""
+    flags = *compiler.language_of(begin or source), *compiler.FLAGS, *by.flags, "-w", "-E"
+    answer = compiler.run([*by.command, *flags, str(file or "-")], source, compiler.PREPROCESSOR)
+    if answer.returncode:
+        raise TraceError(
+            f"the preprocessor of {shlex.join(by.command)} fails",
+            lines=compiler.error_lines(answer.stderr) or [f"it ended with {answer.returncode}"],
+        )
+    return begin + answer.stdout
+
+
 def _preprocessed(folder: Path, name: str, file: str) -> str:
     if compiler.missing():
         raise InputError(
@@ -118,7 +145,7 @@ def _preprocessed(folder: Path, name: str, file: str) -> str:
             "'pip install ziglang' (extra native), a clang in a wheel"
         )
     try:
-        return compiler.preprocessed(file=folder / name)
+        return preprocessed(file=folder / name)
     except TraceError as error:
         raise _not_compiled(file, error, f"{folder}{os.sep}") from error
 
@@ -211,7 +238,7 @@ def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
 
 @lru_cache(maxsize=1)
 def _mathematical() -> set[str]:
-    return set(re.findall(r"(\w+) *\(", compiler.preprocessed("#include <math.h>\n")))
+    return set(re.findall(r"(\w+) *\(", preprocessed("#include <math.h>\n")))
 
 
 def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
@@ -475,7 +502,7 @@ class UserCode(CodeFile):
         """
         marked = f'{self.preprocessed}\n#line 1 "eqt"\n#define EQT_DECISIONS eqt_decisions\n'
         files = set(files_in(self.text, self.file))
-        text, decisions = watched(compiler.preprocessed(marked + self._calls), files)
+        text, decisions = watched(preprocessed(marked + self._calls), files)
         return f"enum {{ eqt_decisions = {len(decisions)} }};\n{text}", decisions
 
 
