@@ -90,6 +90,13 @@ EXTENSIONS = {extension.name for extension in shipped()}
 """None where `make test-core` tries the core alone."""
 
 NEEDED = {
+    "extends": {
+        "reviewers_se3",
+        "satellite_breaks",
+        "satellite_estimated",
+        "se3_bluerov2_navigation",
+        "sweep_lqr",
+    },
     "laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
     "spacecraft": {"cubesat", "cubesat_orbit"},

@@ -195,7 +195,7 @@ def configuration() -> Iterator[str]:
 
 
 SECTIONS = {
-    "System": "name task group inertia rigid gains",
+    "System": "name extends task group inertia rigid gains",
     "Desired motion": "reference target",
     "Laws": "controllers model",
     "Vehicle": "plant actuators control sensors estimator",
@@ -563,10 +563,11 @@ def smallest_result(group: str) -> Iterator[Any]:
 def shipped_configurations() -> Iterator[str]:
     """The shipped configurations with their groups, laws and commands."""
     from eqt_cli.config import shipped
+    from eqt_cli.config.document import read_config
 
     rows = []
     for name in shipped.names():
-        data = yaml.safe_load(shipped.text(name))
+        data = read_config(shipped.folder() / f"{name}.yaml").data
         laws = [x if isinstance(x, str) else x.get("label", x["kind"]) for x in data["controllers"]]
         more = f", {len(laws) - 4} more" if len(laws) > 4 else ""
         command = next((x for x in ("tune", "worst", "sweep") if data.get(x)), "run")

@@ -322,13 +322,10 @@ def check(
         output.print_source(checked.resolved, dump(checked.resolved), json=json)
         return
     experiment = checked.base
-    few = (
-        f"; {MOST_CHECKED} of {len(checked)} points were checked"
-        if len(checked) > MOST_CHECKED
-        else ""
-    )
+    few = f"; {MOST_CHECKED} of {len(checked)} points were checked"
     text = (
-        f"✓ {config}: valid{few}\n{experiment.name}: {experiment.group.name}, "
+        f"✓ {config}: valid{few if len(checked) > MOST_CHECKED else ''}\n"
+        f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(checked)} points × " if checked.sweep else "")
         + f"{output.count_of(len(experiment.loops), 'controller')} × "
         f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
@@ -414,6 +411,10 @@ def keys(
 @app.command("schema", cls=Command, epilog=example("eqt config schema", "> eqt.schema.json"))
 def schema() -> None:
     """Print the JSON schema of configurations, which editors use for completion and checks."""
-    from eqt_cli.config.json_schema import json_schema
+    from eqt_cli.config.json_schema import json_schema, of_files
 
-    output.print_json(json_schema())
+    output.print_json(of_files(json_schema()))
+
+
+for add_to in functions_for("commands of eqt config"):
+    add_to(app)

@@ -26,7 +26,7 @@ from eqt_cli.base.errors import (
     parse_key,
     suggestion,
 )
-from eqt_cli.base.extensions import functions_for, imported
+from eqt_cli.base.extensions import function_for, functions_for, imported
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
@@ -46,6 +46,9 @@ _MAX_LISTED = 5
 _STORED = "[config]"
 """Suffix of the name of a result file in places within the configuration that it holds."""
 
+
+EXTENDS = "extends"
+"""Key of the configurations that one takes over."""
 
 ENGINE = "EQT_ENGINE"
 """Environment variable with the engine of configurations that name none."""
@@ -170,6 +173,8 @@ def overridden(document: Document, overrides: Sequence[str] | Mapping[str, str])
         If overrides do not parse, or a path does not exist.
     """
     problems: list[InputProblem] = []
+    if EXTENDS in document.data:
+        document = function_for(EXTENDS)(document)
     if not isinstance(overrides, Mapping):
         overrides = {f"overrides[{index}]": text for index, text in enumerate(overrides)}
     for place, override in overrides.items():
@@ -219,6 +224,8 @@ def _overridden(document: Document, override: str, place: str) -> Document:
         if not equals or not key.strip():
             raise InputError(f"expected KEY=VALUE, got '{override}'")
         path = parse_key(key.strip())
+        if path[0] == EXTENDS:
+            raise InputError("files are merged before options are set; write it into a file")
     problems.raise_if_any()
     return changed_at(document, path, yaml_source.parse_value(text, place, path), place)
 

@@ -93,6 +93,12 @@ def json_schema() -> dict[str, Any]:
     }
 
 
+def of_files(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of files, of which those that extend others need no key by themselves."""
+    either = [{"required": schema["required"]}, {"required": ["extends"]}]
+    return {key: x for key, x in schema.items() if key != "required"} | {"anyOf": either}
+
+
 class _Generator(GenerateJsonSchema):
     """Pydantic's generator, with meanings from docstrings, and with `anyOf` for unions."""
 

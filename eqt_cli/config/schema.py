@@ -963,6 +963,9 @@ class Config(Section):
     ----------
     name
         Name of the experiment and of its folder under results/; default: the file's stem.
+    extends
+        Configurations to take over, relative to this file: mappings merge, lists are replaced, the
+        later text wins (`eqt config show`).
     task
         Follow a `reference`, come to rest at a `target`, or point an axis.
     group
@@ -1032,6 +1035,7 @@ class Config(Section):
     """
 
     name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None
+    extends: Annotated[str | list[str] | None, NotSwept("is read at first"), WORDS] = None
     task: Annotated[AnyTask, NotSwept("decides which laws can be used")] = "track"
     group: Annotated[str, SHAPES]
     inertia: Annotated[InertiaValue, ON_GROUP, PLANT, DESIRED]

@@ -268,7 +268,8 @@ class ResultFolder:
         """
         copies = {}
         for index, (path, text) in enumerate(texts.items()):
-            name = Path(path).stem + suffix if suffix else Path(path).name
+            keeps = not suffix or Path(path).suffix in files.YAML
+            name = Path(path).name if keeps else Path(path).stem + suffix
             copies[path] = f"{folder}/{index}-{name}"
             (self.path / folder).mkdir(exist_ok=True)
             files.replace_file(self.path / copies[path], text.encode())

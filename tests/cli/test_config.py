@@ -11,7 +11,7 @@ from said import says
 
 from eqt_cli.cli import options
 from eqt_cli.config import shipped
-from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.json_schema import json_schema, of_files
 from eqt_cli.config.remarks import FUNCTION_WORDS
 
 # new --------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ def test_check_of_a_result(eqt, result):
 def test_schema_is_one_document(eqt):
     done = eqt("config", "schema")
     assert (done.code, done.err) == (0, "")
-    assert json.loads(done.out) == json_schema()
+    assert json.loads(done.out) == of_files(json_schema())
 
 
 # Keys -------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from eqt_cli.components.references import references
 from eqt_cli.config import shipped
 from eqt_cli.config.designs import designs
 from eqt_cli.config.document import Document, Place
-from eqt_cli.config.json_schema import json_schema, scale_of
+from eqt_cli.config.json_schema import json_schema, of_files, scale_of
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import SolverChecks, engines
 
@@ -34,7 +34,7 @@ def schema():
 
 @pytest.fixture(scope="module")
 def validator(schema):
-    return jsonschema.Draft202012Validator(schema)
+    return jsonschema.Draft202012Validator(of_files(schema))
 
 
 def paper(**changes):

@@ -44,7 +44,6 @@ sensors: {velocity: [{kind: noise, std: 0.01, period: 0.05}]}
 """Its law acts at every other tick, with a memory; its actuators reach limits."""
 
 LOOPS = {
-    "an estimator, and sensors with clocks": ("satellite_estimated", {"time.duration": 4}),
     "wheels, and a reference that switches": ("satellite_wheels", {"time.duration": 4}),
     "more samples than spans": ("satellite_wheels", {"time.duration": 1, "time.samples": 101}),
     "all runs diverge": ("paper", {"control": {"period": 0.4}, "gains.kd": 6, "gains.kp": 9}),
@@ -55,10 +54,16 @@ LOOPS = {
 }
 
 
+FILTERED = "satellite_estimated", {"time.duration": 4}
+ESTIMATED = pytest.param(
+    FILTERED, id="an estimator, and sensors with clocks", marks=pytest.mark.needs("extends")
+)
 CODE = pytest.param(("paper", WITH_CODE), id="code of a user", marks=pytest.mark.needs("firmware"))
 
 
-@pytest.fixture(params=[*(pytest.param(loop, id=name) for name, loop in LOOPS.items()), CODE])
+@pytest.fixture(
+    params=[*(pytest.param(loop, id=name) for name, loop in LOOPS.items()), ESTIMATED, CODE]
+)
 def batch(request, tmp_path):
     name, changes = request.param
     (tmp_path / "own.c").write_text(OWN, encoding="utf-8")
