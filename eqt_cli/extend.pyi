@@ -56,7 +56,6 @@ from eqt_cli.components.actuators import MomentumLimit as MomentumLimit
 from eqt_cli.components.actuators import PassThrough as PassThrough
 from eqt_cli.components.actuators import Quantisation as Quantisation
 from eqt_cli.components.actuators import RateLimit as RateLimit
-from eqt_cli.components.cascade import Cascade as Cascade
 from eqt_cli.components.classic_laws import Goodarzi2013 as Goodarzi2013
 from eqt_cli.components.classic_laws import Logarithmic as Logarithmic
 from eqt_cli.components.classic_laws import Maithripala2006 as Maithripala2006
@@ -73,7 +72,6 @@ from eqt_cli.components.estimators import Estimator as Estimator
 from eqt_cli.components.estimators import Fix as Fix
 from eqt_cli.components.estimators import Invariant as Invariant
 from eqt_cli.components.estimators import Schedule as Schedule
-from eqt_cli.components.flat import FlatReference as FlatReference
 from eqt_cli.components.forces import ConstantForce as ConstantForce
 from eqt_cli.components.forces import Drag as Drag
 from eqt_cli.components.forces import ExpressionForce as ExpressionForce
@@ -169,6 +167,7 @@ from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.recordings.extend import *
 from eqt_cli.extensions.search.extend import *
 from eqt_cli.extensions.spacecraft.extend import *
+from eqt_cli.extensions.underactuated.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions

@@ -100,6 +100,10 @@ NEEDED = {
     "laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
     "spacecraft": {"cubesat", "cubesat_orbit"},
+    "underactuated": {
+        *"crazyflie planar_vtol quadrotor_gnss quadrotor_lee quadrotor_lee_upside_down".split(),
+        *"quadrotor_recovery quadrotor_speeds".split(),
+    },
 }
 """Shipped configurations with components of an extension."""
 

@@ -220,10 +220,7 @@ class Controller(TimeVarying, Component):
 
 
 controllers = Registry(
-    "controller",
-    "controllers",
-    Controller,
-    tuple(f"components.{module}" for module in "laws cascade classic_laws".split()),
+    "controller", "controllers", Controller, ("components.laws", "components.classic_laws")
 )
 
 

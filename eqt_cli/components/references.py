@@ -320,10 +320,7 @@ class ReferenceAhead(TimeVarying):
 
 
 references = Registry(
-    "reference",
-    "references",
-    Reference,
-    ("components.references", "components.waypoints", "components.flat"),
+    "reference", "references", Reference, ("components.references", "components.waypoints")
 )
 
 

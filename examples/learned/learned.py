@@ -11,11 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.base.arrays import apply
-from eqt_cli.components.cascade import Cascade, EachAxis
+from eqt_cli.components.laws import EachAxis
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.extend import (
     SE3,
     Array,
+    Cascade,
     ClosedReference,
     Controller,
     MatrixLieGroup,

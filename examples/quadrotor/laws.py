@@ -10,10 +10,11 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.components.cascade import Cascade, EachAxis
 from eqt_cli.components.classic_laws import Goodarzi2013
+from eqt_cli.components.laws import EachAxis
 from eqt_cli.extend import (
     Array,
+    Cascade,
     Controller,
     Jet,
     MatrixLieGroup,

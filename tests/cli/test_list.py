@@ -165,6 +165,7 @@ def test_an_unknown_kind(refused, kind, hint):
     assert refused("list", kind) == f"eqt: unknown kind or component '{kind}'; {hint}\n"
 
 
+@pytest.mark.needs("underactuated")
 def test_one_component(eqt):
     """Its options with those in them, and a part of a shipped configuration."""
     first, *lines = eqt("list", "cascade").out.splitlines()

@@ -98,6 +98,7 @@ CRAZYFLIE = yaml.safe_load(Path("configs/quadrotor_recovery.yaml").read_text(enc
 DEMAND = [-3.297e-3, 0, 0, 0, 0, 0.917]
 
 
+@pytest.mark.needs("underactuated")
 @pytest.mark.parametrize(
     ("allocation", "roll", "force"),
     [("bounded", 0.0, 0.575), ({"kind": "priority", "order": ORDER}, -3.297e-3, 0.46655)],
@@ -147,6 +148,7 @@ def flight(engine):
     return config
 
 
+@pytest.mark.needs("underactuated")
 @pytest.mark.parametrize(
     "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles the law"))]
 )

@@ -203,7 +203,9 @@ def test_what_was_meant_otherwise_gets_a_word(kind):
         assert any(expected.partition("{")[0] in line for line in said), (data, said)
 
 
-@pytest.mark.parametrize("data", [BODY, FLYING, AFLOAT], ids=["body", "flying", "afloat"])
+@pytest.mark.parametrize(
+    "data", [BODY, pytest.param(FLYING, marks=pytest.mark.needs("underactuated")), AFLOAT]
+)
 def test_what_is_right_gets_none(data):
     assert words(data) == []
 
@@ -218,6 +220,7 @@ def test_waypoints_that_wrap_are_one_way():
         assert words(BODY | {"reference": {"kind": "waypoints", "points": points}}) == []
 
 
+@pytest.mark.needs("underactuated")
 def test_gains_of_papers_are_those_of_eqt():
     """K = k_R/2 and K_d = k_Omega; gains of the force are m times those of the acceleration."""
     cascade = FLYING["controllers"][0]

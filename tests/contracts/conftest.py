@@ -20,7 +20,6 @@ from eqt_cli.base.arrays import FUNCTIONS, register_symbols
 from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import load_plugin, registry
 from eqt_cli.components.actuators import actuators
-from eqt_cli.components.flat import Knot
 from eqt_cli.components.laws import Designed, controllers
 from eqt_cli.components.references import PathFactor, references
 from eqt_cli.components.vehicle import Vehicle
@@ -71,10 +70,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "waypoints": {"points": [Waypoint(0.0, "identity"), Waypoint(1.0, {"rotvec": [0.3, 0, 0]}),
         Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]})]},
     "log": {"file": "motion.csv"},
-    "flat": {"minimum_snap": [Knot(0.0, [0.0, 0.1, 0.2]), Knot(3.0, [1.0, 2.0, 3.0])]},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }  # fmt: skip
 """Of components that have no default for them; lists are cut to the dimension of the group."""
+
+if "flat" in references.names():
+    from eqt_cli.extensions.underactuated.flat import Knot
+
+    snap = [Knot(0.0, [0.0, 0.1, 0.2]), Knot(3.0, [1.0, 2.0, 3.0])]
+    OPTIONS["flat"] = {"minimum_snap": snap}
 
 FILES = {
     "motion.csv": """t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz

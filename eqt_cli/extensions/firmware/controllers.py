@@ -20,7 +20,6 @@ from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components import matrix_groups
 from eqt_cli.components.actuators import THRUSTS
-from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.derived import coordinates_of
 from eqt_cli.components.groups import MatrixLieGroup, Part, command_axes
 from eqt_cli.components.laws import (
@@ -39,6 +38,7 @@ from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tr
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, remember_executed, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
+from eqt_cli.extensions.underactuated.cascade import check_flat_output
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.loop.signals import Metric

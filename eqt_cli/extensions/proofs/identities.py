@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, norm, stack, transpose
-from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import FactoredInertia, Inertia, critical_sets
 from eqt_cli.components.laws import Controller, Family
@@ -16,6 +15,7 @@ from eqt_cli.components.mechanics import Semidirect, Tracking, gradient, lie_poi
 from eqt_cli.extensions.proofs import certificates
 from eqt_cli.extensions.proofs.exact import UNIT, floats, lifted, rate_of, value_of, with_rate
 from eqt_cli.extensions.proofs.sample import Sample
+from eqt_cli.extensions.underactuated.cascade import Cascade
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 # The group, its algebra and their duals (§2), and the semidirect product G ⋉ g* (§4) --------------

@@ -15,7 +15,6 @@ from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
-from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT, RunsCode
 from eqt_cli.components.mechanics import Gains
@@ -30,6 +29,7 @@ from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.extensions.proofs import certificates
 from eqt_cli.extensions.proofs.run_checks import window_times
 from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
+from eqt_cli.extensions.underactuated.cascade import Cascade
 from eqt_cli.loop.linearised import Along, growth, linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result

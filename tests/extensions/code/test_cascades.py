@@ -9,9 +9,9 @@ from case_tables import in_ci
 from said import says
 
 import eqt_cli
-from eqt_cli.components import cascade
 from eqt_cli.extend import Inertia
 from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained_cascade
+from eqt_cli.extensions.underactuated import cascade
 from eqt_cli.numbers.leaves import with_fields
 
 TYPED = (Path(__file__).parents[3] / "examples/code/quad.c").read_text(encoding="utf-8")

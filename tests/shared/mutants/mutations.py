@@ -31,6 +31,7 @@ CORE = (
     "extensions/laws",
     "extensions/recordings/smoothing.py",
     "extensions/spacecraft",
+    "extensions/underactuated",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""
 

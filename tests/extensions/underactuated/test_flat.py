@@ -6,9 +6,9 @@ from case_tables import from_yaml, refusal
 from said import mentions
 from scipy.interpolate import PPoly
 
-from eqt_cli.components.flat import FlatReference, Knot, _smallest
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.extend import Drag, EqtError, Inertia, Problems, Restoring, group_named
+from eqt_cli.extensions.underactuated.flat import FlatReference, Knot, _smallest
 
 MASS, WEIGHT = 2.0, 19.62
 GROUPS = {name: group_named(name) for name in ("SE2", "SE3")}

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.components import cascade
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.remarks import remarks
@@ -30,6 +29,7 @@ from eqt_cli.extend import (
     stack,
     transpose,
 )
+from eqt_cli.extensions.underactuated import cascade
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
 from eqt_cli.numbers.program import traced

@@ -39,15 +39,12 @@ from eqt_cli.components.motions import (
     ROUNDING_OF_A_SQUARE,
     PlantModel,
     RigidMotion,
-    attitude,
-    check_along,
     check_rigid_body,
     only_direction,
-    sides,
-    third_axis,
     unit_vector,
 )
 from eqt_cli.components.vehicle_parts import check_period
+from eqt_cli.extensions.underactuated.attitude import attitude, check_along, sides, third_axis
 from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -15,7 +15,7 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.extend import Native
 
-FOLDER = Path(__file__).parents[2] / "examples" / "quadrotor"
+FOLDER = Path(__file__).parents[3] / "examples" / "quadrotor"
 
 STORED = {
     ("line", "decoupled"): (0.628267, 0.125131, 10.086654, 3.42),

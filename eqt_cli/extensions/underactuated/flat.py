@@ -23,6 +23,7 @@ from eqt_cli.components.references import (
     check_expressions,
     check_rising,
 )
+from eqt_cli.extensions.underactuated.attitude import attitude, check_along, sides
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, series
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
@@ -118,7 +119,7 @@ class FlatReference(ClosedReference):
             position, psi = position[None], None if psi is None else psi[None]
         turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
         ahead, side = self._sides(G, t, position)
-        body = motions.attitude(ahead, self.direction, turn, side=side)
+        body = attitude(ahead, self.direction, turn, side=side)
         p, v, a = (position[..., k, :] for k in range(3))
         back = body.R.swapaxes(-1, -2)
         velocity = apply_matrix(back, v)
@@ -140,8 +141,8 @@ class FlatReference(ClosedReference):
             a = a - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
         if not self.across:
             return a, None
-        sides = motions.sides(G, a, moving.velocity, self.across, self.direction, self.mass)
-        return sides[0], sides[-1]
+        beside = sides(G, a, moving.velocity, self.across, self.direction, self.mass)
+        return beside[0], beside[-1]
 
     def _position(self, G: MatrixLieGroup, t: Any) -> Array:
         """Return p_d and its derivatives, ``(..., 5, n)``."""
@@ -362,7 +363,7 @@ class FlatReference(ClosedReference):
         elif self.heading not in (None, FREE, ALONG_VELOCITY):
             with problems.catching("heading"):
                 formula(self.heading)
-        motions.check_along(self.along, n, problems)
+        check_along(self.along, n, problems)
 
     def _check_of(self, G: MatrixLieGroup, problems: Problems) -> None:
         inner = None if self.of is None else self._of(G, problems)

@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.motions import (
-    attitude,
-    check_along,
-    check_rigid_body,
-    only_direction,
-    third_axis,
-    unit_vector,
-)
+from eqt_cli.components.motions import check_rigid_body, only_direction, unit_vector
 from eqt_cli.extend import Inertia, Jet, Problems, cos, group_named, sin, stack
+from eqt_cli.extensions.underactuated.attitude import attitude, check_along, third_axis
 
 AXES = [
     *((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.6, 0.0, -0.8), (0.0, 1.0)),

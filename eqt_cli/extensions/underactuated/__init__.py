@@ -1,0 +1,9 @@
+"""Bodies pushed along one axis only: the motion that a position asks for, and a law that tilts."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("controllers", "cascade", "cascade")
+    extension.add_component("references", "flat", "flat")
