@@ -881,7 +881,7 @@ class _Text:
                 lines += self._moved(f"{letter}{place}", first, entries, period)
         table = value.operands[carried:behind]
         listed = [self._form(each) for each in table]
-        self._release(table)
+        self._release(table, depth=0)
         begin = 0
         while begin < rows:
             # The row after the first has its input from there; others take turns behind the last.
@@ -899,14 +899,14 @@ class _Text:
             begin = end
         return lines
 
-    def _release(self, places: Iterable[int]) -> None:
+    def _release(self, places: Iterable[int], depth: int = 1) -> None:
         """Count off values that are read where they are stored, so that they get no name."""
         for place in places:
             value = self._values[place]
-            if self._form(place, depth=1)[1]:
+            if self._form(place, depth)[1]:
                 self._used[place] -= 1
                 if isinstance(value, Operation) and value.name == "select":
-                    self._release(value.operands)
+                    self._release(value.operands, depth=0)
 
     def _form(self, place: int, depth: int = 0) -> tuple[str, tuple[int, ...]]:
         """Return how a value is read, and the numbers in it that may move from entry to entry."""

@@ -433,6 +433,18 @@ def test_a_step_that_loops_share_is_one_function():
     assert c_function(program, "law").count("EQT_APART") == 2  # with the one that it is part of
 
 
+def test_rows_that_only_a_loop_needs_are_written_before_it():
+    """As measurements that are lost, of which the filter reads a part."""
+
+    def seen(given):
+        rows = [{"x": where(less(0.5, given["lost"]), given["y"], x)} for x in given["x"]]
+        return arrays.repeated(lambda y, row: {"y": y["y"] + row["x"]}, {"y": given["y"]}, rows)[1]
+
+    text = c_function(traced(seen, {"x": 3, "y": 1, "lost": 1}), "law")
+    body = text[text.index("void law(") :]
+    assert {*re.findall(r"\bv\d+", body)} == {*re.findall(r"const \w+ (v\d+)", body)}
+
+
 def test_a_select_of_what_waits_is_written_as_a_loop():
     """As where the first measurement of a sensor fills all places of a delay."""
 
