@@ -284,16 +284,20 @@ class Problems:
         return any(True for _ in self)
 
     def raise_if_any(self) -> None:
-        """Raise a `ConfigError` with all errors, in the order of the file, if there are any."""
+        """Raise a `ConfigError` with all errors, in the order of the file, if there are any.
+
+        What several keys share by a YAML anchor is told once.
+        """
         if self:
-            raise ConfigError(sorted(self, key=_position))
+            once = {(x.place or x.path, x.path.split(".")[-1], x.message): x for x in [*self][::-1]}
+            listed = [*once.values()][::-1]
+            raise ConfigError(sorted(listed, key=_position))
 
 
 def _position(problem: InputProblem) -> tuple[str, int, int]:
-    name, _, column = problem.place.rpartition(":")
-    name, _, line = name.rpartition(":")
-    if line.isdigit() and column.isdigit():
-        return name, int(line), int(column)
+    name, *ends = problem.place.rsplit(":", 2)
+    if len(ends) == 2 and all(map(str.isdigit, ends)):
+        return name, int(ends[0]), int(ends[1])
     return problem.place, 0, 0
 
 

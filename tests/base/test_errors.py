@@ -59,6 +59,15 @@ def test_all_are_raised_in_the_order_of_the_file() -> None:
     assert str(caught.value) == "c.yaml:9:2: a: wrong\nc.yaml:10:1: b: wrong"
 
 
+def test_what_keys_share_by_an_anchor_is_told_once() -> None:
+    problems = Problems(lambda path: "a.yaml:3:1")
+    for path in ("metrics", 0, "angle"), ("metrics", 1, "angle"), ("metrics", 1, "axis"):
+        problems.at(*path).add("missing")
+    with pytest.raises(ConfigError) as caught:
+        problems.raise_if_any()
+    assert [each.path for each in caught.value.problems] == ["metrics[0].angle", "metrics[1].axis"]
+
+
 @pytest.mark.parametrize("key", ["gains.kp", "controllers[0].label", "inertia[0][1]"])
 def test_a_key_is_written_as_it_is_read(key: str) -> None:
     assert dotted(parse_key(key)) == key
