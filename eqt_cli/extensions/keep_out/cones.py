@@ -19,6 +19,12 @@ from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.tasks import Direction
 from eqt_cli.extend import Metric, SampledRuns
 
+ROUNDING = 1e-9
+"""Margin below which a reference on the edge of a cone is not inside, deg."""
+
+OPPOSITE = 1e-6
+"""Angle, rad, below which two directions count as opposite; decimals of a table may leave it."""
+
 
 @dataclass(frozen=True)
 class Cone(Keys):
@@ -42,8 +48,8 @@ class Cone(Keys):
     at: list[str | float] | None = None
     table: list[list[Real]] | None = None
 
-    def direction(self, t: Any, of_times: Any) -> Array:
-        """Return the direction of length 1, ``(..., 3)``.
+    def vector(self, t: Any, of_times: Any) -> Array:
+        """Return a vector along the direction, of any length, ``(..., 3)``.
 
         Parameters
         ----------
@@ -57,15 +63,15 @@ class Cone(Keys):
         else:
             times, *columns = np.array(self.table, dtype=float).T
             values = [of_times(lambda at, x=x: np.interp(at, times, x)) for x in columns]
-        d = stack(values)
-        return d / sqrt(dot(d, d))[..., None]
+        return stack(values)
 
     def margin(self, R: Array, t: Any, of_times: Any) -> Array:
         """Return the angle between axis and direction beyond that of the cone, deg.
 
         By the chord of the nearer of both ends of the direction, which is exact to rounding.
         """
-        d = self.direction(t, of_times)
+        d = self.vector(t, of_times)
+        d = d / sqrt(dot(d, d))[..., None]
         a = (R * np.array(self.axis)).sum(axis=-1)
         a = a / sqrt(dot(a, a))[..., None]  # a pose leaves its group by the error of the solver
         is_ahead = less(0.0, dot(a, d))
@@ -77,7 +83,10 @@ class Cone(Keys):
         """Note what is no cone, and what is no direction over time."""
         if not 0 < self.angle < np.pi:
             degrees = np.degrees(self.angle)
-            problems.at("angle").add(f"expected more than 0 and less than 180 deg, got {degrees:g}")
+            problems.at("angle").add(
+                f"expected more than 0 and less than 180 deg, got {degrees:g} deg; a number "
+                "without a unit is in rad"
+            )
         if (self.at is None) == (self.table is None):
             problems.add("expected either at, such as [1, 0, 0], or table")
         elif self.at is not None:
@@ -100,6 +109,18 @@ def _check_table(rows: Sequence[Sequence[float]], problems: Problems) -> None:
         elif k and len(rows[k - 1]) == 4 and row[0] <= rows[k - 1][0]:
             before = rows[k - 1][0]
             problems.at(k).add(f"expected a time after {before:g} s, got {row[0]:g} s")
+        elif k and len(rows[k - 1]) == 4:
+            _check_no_zero(np.array(rows[k - 1][1:]), np.array(row[1:]), problems.at(k))
+
+
+def _check_no_zero(first: Array, last: Array, problems: Problems) -> None:
+    """Note two rows between which a straight line passes through 0, where there is no direction."""
+    opposite = norm(first) * last + norm(last) * first
+    if norm(opposite) <= OPPOSITE * norm(first) * norm(last):
+        problems.add(
+            f"{last.tolist()} is opposite to the row before, and a straight line between both "
+            "passes through 0, which is no direction; add a row between them"
+        )
 
 
 @dataclass(frozen=True)
@@ -134,7 +155,7 @@ class OfCones(Metric):
 
 @dataclass(frozen=True)
 class KeepOutTime(OfCones):
-    """Time for which an axis is inside a cone."""
+    """Time for which an axis is inside a keep-out cone, such as that of the Sun."""
 
     name: ClassVar[str] = "keep_out_time"
     units: ClassVar[str] = "s"
@@ -154,7 +175,7 @@ class KeepOutTime(OfCones):
 
 @dataclass(frozen=True)
 class KeepOutMargin(OfCones):
-    """Least angle beyond the edge of a cone, negative inside."""
+    """Least angle beyond the edge of a keep-out cone, such as that of the Sun; negative inside."""
 
     name: ClassVar[str] = "keep_out_margin"
     units: ClassVar[str] = "deg"
@@ -165,9 +186,19 @@ class KeepOutMargin(OfCones):
         return over.smallest(self.margin(over, pose))
 
 
+def vanishing(times: Array, vectors: Array) -> float | None:
+    """Return the time at which vectors ``(samples, 3)`` vanish, or turn round; None if nowhere."""
+    vectors = np.broadcast_to(vectors, (len(times), 3))
+    after = np.roll(vectors, -1, axis=0)
+    turns = dot(vectors, after) <= -(1 - OPPOSITE) * norm(vectors) * norm(after)
+    turns[-1] = not vectors[-1].any()
+    places = np.flatnonzero(turns)
+    return float(times[places[0]]) if len(places) else None
+
+
 def stretches(times: Array, margin: Array) -> Iterator[tuple[float, float, float]]:
     """Yield start, end and least margin of each stretch inside, for one run ``(samples,)``."""
-    inside = np.concatenate([[False], margin < 0, [False]])
+    inside = np.concatenate([[False], margin < -ROUNDING, [False]])
     edges = np.flatnonzero(np.diff(inside.astype(int)))
     for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
         yield float(times[first]), float(times[last]), float(margin[first : last + 1].min())

@@ -105,6 +105,9 @@ def test_a_reference_that_enters_is_remarked_on():
     cones[0]["axis"] = [0, 1, 0]  # which the slew does not turn
     said = "\n".join(map(str, remarks(api.load_experiment(config).base)))
     assert "inside" not in said
+    cones[0]["at"] = ["cos(t)", 0, 0]
+    said = "\n".join(map(str, remarks(api.load_experiment(config).base)))
+    assert "metrics[0].cones[0].at: the direction passes through 0 at 1.57 s" in said
 
 
 @pytest.mark.parametrize(
@@ -117,6 +120,8 @@ def test_a_reference_that_enters_is_remarked_on():
         ({"at": [1, 0, "cos(t"]}, "cones[0].at[2]", "cos(t"),
         ({"at": None, "table": [[0, 1, 0]]}, "cones[0].table[0]", "[t, x, y, z]"),
         ({"at": None, "table": TABLE[::-1]}, "cones[0].table[1]", "a time after 7 s"),
+        ({"at": None, "table": [[0, 1, 2, 0], [2, -3, -6, 0]]}, "table[1]", "passes through 0"),
+        ({"angle": 30}, "cones[0].angle", "without a unit is in rad"),
         ({"angle": "200 deg"}, "cones[0].angle", "less than 180 deg"),
         ({"angle": "20 s"}, "cones[0].angle", "an angle in"),
         ({"axis": [0, 0, 0]}, "cones[0].axis", "not all 0"),
