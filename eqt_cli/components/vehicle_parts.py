@@ -472,7 +472,8 @@ def common_divisor(times: Iterable[float]) -> float:
     """Return the greatest time of which all times are whole multiples, up to decimals."""
     divisor = 0.0
     for time in times:
-        rest, floor = time, ROUNDING * max(time, divisor) * EXACT ** (1 / 3)
+        floor = ROUNDING * max(time, divisor) * EXACT ** (1 / 3)
+        rest = 0.0 if 0 < divisor <= floor else time  # too fine already
         while rest > floor:
             divisor, rest = rest, abs(math.remainder(divisor, rest))
     return divisor

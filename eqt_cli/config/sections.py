@@ -276,8 +276,7 @@ def _factored(
     if deviation.max() <= IDENTITY_TOLERANCE:
         return law
     i, j = np.unravel_index(deviation.argmax(), deviation.shape)
-    got = f"got [{i}][{j}] = {start[i, j]:g}"
-    problems.at("factor").add(f"expected the identity at t = 0, {got}")
+    problems.at("factor").add(f"expected the identity at t = 0, got [{i}][{j}] = {start[i, j]:g}")
     return None
 
 
@@ -495,14 +494,12 @@ def check_sensors(
     signal: str, sensors: Sequence[Sensor], G: MatrixLieGroup, problems: Problems
 ) -> None:
     """Note unknown parts, impossible timing, and entries of a signal that contradict each other."""
-    known = [part.name for part in G.parts]
+    known = [part.name for part in (depth_of(G) if signal == "depth" else G.parts)]
     if signal == "accelerometer" and sensors:
         known = [part.name for part in G.parts if not part.turns]
         if not rigid_motions(G):
             problems.add(f"needs group SE2 or SE3, got {G.name}; remove this key")
             return
-    if signal == "depth":
-        known = [part.name for part in depth_of(G)]
     for index, sensor in enumerate(sensors):
         here = problems.at(index)
         if isinstance(sensor, Lever) and signal != "accelerometer":
@@ -689,25 +686,29 @@ def check_inner(vehicle: Vehicle, problems: Problems, at_actuators: Problems) ->
 
 
 def _sampling(
-    control: schema.ControlSection, entries: Iterable[Entry], horizon: float, problems: Problems
+    control: schema.ControlSection, entries: Sequence[Entry], horizon: float, problems: Problems
 ) -> vehicle_parts.Sampling:
     """Return tick and clock of the law; times that are no whole numbers of ticks are noted."""
     times = list(_times(control, entries, problems))
-    tick = control.tick or common_divisor([control.period, *(time for _, time, _ in times)])
+    divisor = common_divisor([control.period, *(time for _, time, _ in times)])
+    tick = control.tick or control.period / round(control.period / divisor)
     every = check_period(control.period, tick, problems.at("period"), "ticks")
     for here, time, below in times:
         if not 0 <= time < below:
             here.add(f"expected at least 0 s and less than the period, {below:g} s, got {time:g} s")
         elif time:
             check_period(time, tick, here, "ticks")
-    if not problems and horizon / tick > MOST_INSTANTS:
-        key, what = ("period", "control instants") if every == 1 else ("tick", "ticks")
-        problems.at(key).add(
-            f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
-            f"{what} in {horizon:g} s, got {tick:g}"
+    period, least = control.period, horizon / MOST_INSTANTS
+    odd = [x for x in times if x[1] > period >= least > common_divisor([period, x[1]])]
+    for here, time, _ in odd:
+        check_period(time, period, here, "control periods")
+    if not problems and not odd and tick < least:
+        most = f"{MOST_INSTANTS:,} {'control instants' if every == 1 else 'ticks'} in {horizon:g} s"
+        problems.at("period" if every == 1 else "tick").add(
+            f"expected at least {least:g} s, which makes {most}, got {tick:g}"
         )
     sampling = vehicle_parts.Sampling(control.period, 0, vehicle_parts.Clock(every or 1))
-    if problems:
+    if problems or odd:
         return sampling
     for here, part in [(problems, control), *entries]:
         ticks = sampling.ticks_of(getattr(part, "delay", None) or 0)
@@ -718,21 +719,18 @@ def _sampling(
 
 
 def _times(
-    control: schema.ControlSection, entries: Iterable[Entry], problems: Problems
+    control: schema.ControlSection, entries: Sequence[Entry], problems: Problems
 ) -> Iterator[tuple[Problems, float, float]]:
     """Yield the times of all clocks with their places, and what they must be less than, s."""
     yield problems.at("offset"), control.offset, control.period
-    late: list[tuple[Problems, int | str]] = [(problems.at("delay"), control.delay)]
     for here, part in entries:
         if part.period is not None:
             yield here.at("period"), part.period, math.inf
         if part.offset is not None:
             yield here.at("offset"), part.offset, part.period or control.period
-        if isinstance(part, Sensor):
-            late.append((here.at("delay"), part.delay or 0))
-    for here, delay in late:
-        if isinstance(delay, str):
-            yield here, seconds(delay), math.inf
+    for here, late in [(problems, control), *entries]:
+        if isinstance(delay := getattr(late, "delay", None), str):
+            yield here.at("delay"), seconds(delay), math.inf
 
 
 def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
