@@ -9,7 +9,17 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix, less, sqrt, transpose, where
+from eqt_cli.base.arrays import (
+    Array,
+    Arrays,
+    apply,
+    apply_matrix,
+    less,
+    sqrt,
+    stack,
+    transpose,
+    where,
+)
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, Scale, Unit
 from eqt_cli.components.blocks import Now
@@ -26,6 +36,7 @@ from eqt_cli.components.estimators import (
 from eqt_cli.components.forces import GRAVITY
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import SE3, SE23, SO3, stumpff
+from eqt_cli.components.sensors import FIXES
 from eqt_cli.components.vehicle_parts import Numbers, check_count, check_numbers, drawn
 from eqt_cli.numbers.leaves import with_fields
 
@@ -51,16 +62,20 @@ UNIT = (
 TURNS, MOVES = slice(0, 3), slice(3, 6)
 """Coordinates of (ω, f), and of their biases; and of a velocity."""
 
+TILT, HEADING = slice(0, 2), 2
+"""Places of the innovations of a measured attitude."""
+
 AXES = [*range(3), *range(6, 9)]
 """Coordinates of ε that are those of a pose."""
 
 
 @dataclass(frozen=True)
 class Navigation(Estimator):
-    """Invariant extended Kalman filter on SE₂(3) with an inertial unit, for laws without velocity.
+    """Invariant Kalman filter by an inertial unit (IMU) and late fixes, such as GNSS or a compass.
 
-    The gyro measures ω + b_g + n, the accelerometer f + b_a + n with f = Rᵀ(v̇ − g). Over a tick of
-    h seconds, with the means ω and f of both ends less the estimated biases,
+    It needs no sensor of the velocity. The gyro measures ω + b_g + n, the accelerometer f + b_a + n
+    with f = Rᵀ(v̇ − g). Over a tick of h seconds, with the means ω and f of both ends less the
+    estimated biases,
     R̂ ← R̂ exp(hω), v̂ ← v̂ + hg + h R̂ Γ₁f, p̂ ← p̂ + hv̂ + ½h²g + h² R̂ Γ₂f, where Γ₁ and Γ₂ are
     the once and twice integrated exponential of hω. The error ε of χ̂⁻¹χ = exp(ε) then obeys
     ε ← Ad_Υ⁻¹F ε − L(b̃ + n), which depends on neither R̂, v̂ and p̂ nor g. Fixes of attitude and
@@ -93,6 +108,9 @@ class Navigation(Estimator):
         Instead of what each run draws: R̂ᵀ(v − v̂) at the start, or its distribution.
     initial_gyro_bias_std, initial_accelerometer_bias_std
         Standard deviation of the bias at the start. Default: the rms of the `value` of the bias.
+    heading_only
+        Whether a measured attitude counts by its heading alone, as that of a compass: the angle
+        ψ = atan2(R₂₁, R₁₁) of the first axis of the body about the vertical, z.
     gravity
         g in space. Default: 9.80665 m/s² against z; give [0, 0, 9.80665] where z points down, and 0
         where nothing weighs, as in orbit.
@@ -124,6 +142,7 @@ class Navigation(Estimator):
     initial_accelerometer_bias_std: Annotated[
         Numbers | None, Scale("initial deviation of the accelerometer's bias", "m/s^2")
     ] = None
+    heading_only: bool = False
     gravity: Annotated[Numbers, Unit("m/s^2")] = field(default_factory=lambda: [0.0, 0.0, -GRAVITY])
 
     # The options, and what the sensors say of them.
@@ -182,6 +201,9 @@ class Navigation(Estimator):
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
         """Note an inertial unit that is missing or slow, deviations of 0, and unknown starts."""
         measured = {(channel.signal, channel.part.name): channel for channel in schedule.channels}
+        odd = list(_odd_times(schedule))
+        for message in odd:
+            problems.add(message)
         for signal, part, title, entry in UNIT:
             channel = measured.get((signal, part))
             if channel is None:
@@ -189,7 +211,7 @@ class Navigation(Estimator):
                     f"predicts by a gyro and an accelerometer, and there is no {title}; add an "
                     f"entry to sensors.{signal}, such as {entry}"
                 )
-            elif channel.holds:
+            elif channel.holds and not odd:
                 problems.add(
                     f"reads the {title} at every tick, at once; remove `period`, `offset`, `delay` "
                     f"and `dropout` from sensors.{signal}"
@@ -199,10 +221,17 @@ class Navigation(Estimator):
                 "does not read a measured velocity of the translation; write `of: rotation` in "
                 "sensors.velocity, or use kind invariant, which reads one"
             )
-        if self.initial_pose_std is None and schedule.unmeasured:
-            names = " and ".join(schedule.unmeasured)
+        unknown = list(schedule.unmeasured)
+        if self.heading_only and "rotation" not in unknown:
+            unknown.append("tilt")
+        elif self.heading_only:
+            problems.at("heading_only").add(
+                "no sensor measures the heading; add an entry with `of: rotation` to sensors.pose"
+            )
+        if self.initial_pose_std is None and unknown:
             problems.at("initial_pose_std").add(
-                f"missing; no sensor measures the {names}, so no fix starts its estimate"
+                f"missing; no sensor measures the {' and '.join(unknown)}, so no fix starts its "
+                "estimate"
             )
         if not problems:
             self._check_deviations(schedule, known, problems)
@@ -355,12 +384,24 @@ class Navigation(Estimator):
         changed = {"pose": pose, "speed": speed, "bias": now.bias + by[..., BIASES]}
         return now._replace(**changed, covariance=S), innovations
 
+    def _fixed(self, schedule: Schedule, apart: bool, estimate: Arrays, row: Arrays) -> Arrays:
+        """Return the estimate after a step with its fix; a heading counts as one innovation."""
+        after = dict(super()._fixed(schedule, apart, estimate, row))
+        if self.heading_only:
+            arrived = after["arrived"].copy()
+            arrived[..., TILT] = 0.0
+            after["arrived"] = arrived
+        return after
+
     def _rows(
         self, schedule: Schedule, now: Estimate, fix: Fix
     ) -> Iterator[tuple[int, Array, Array, Array]]:
         """Yield place, row of H, residual and variance of each measured coordinate."""
         part: Any = self
-        residual = schedule.G.log(schedule.G.inverse(now.pose) @ fix.pose)
+        measured = fix.pose.copy()
+        if self.heading_only:  # the position is seen without the measured tilt
+            measured[..., :SPACE, :SPACE] = now.pose[..., :SPACE, :SPACE]
+        residual = schedule.G.log(schedule.G.inverse(now.pose) @ measured)
         one = 0.0 * now.covariance[..., 0, :]
         for channel in schedule.fixes:
             if channel.signal == "depth":
@@ -370,6 +411,12 @@ class Navigation(Estimator):
                 below = (fix.depth - now.pose)[..., SPACE - 1, SPACE, None]
                 yield 6, row, below, part.depth_std * part.depth_std
                 continue
+            if self.heading_only and channel.part.turns:
+                row = one.copy()
+                row[..., TURN], turned = _heading(now.pose, fix.pose)
+                std = part.pose_std[..., TURN] * row[..., TURN]
+                yield HEADING, row, turned, (std * std).sum(axis=-1)[..., None]
+                continue
             for axis in schedule.axes_of(channel):
                 row = one.copy()
                 row[..., AXES[axis]] = 1.0
@@ -377,11 +424,50 @@ class Navigation(Estimator):
                 yield axis, row, residual[..., axis, None], std * std
 
 
+def _odd_times(schedule: Schedule) -> Iterator[str]:
+    """Yield which times of fixes make ticks shorter than the period of the inertial unit."""
+    every = {channel.every for channel in schedule.channels if channel.signal not in FIXES}
+    unit = next(iter(every), 1)
+    if len(every) > 1 or unit == 1:
+        return
+    period, is_odd = unit * schedule.period, False
+    apart = f"gyro and accelerometer are read {period:g} s apart, and"
+    for channel in schedule.fixes:
+        times = {"period": channel.every, "offset": channel.clock.offset, "delay": channel.delay}
+        for key, ticks in times.items():
+            if ticks % unit:
+                is_odd, before = True, ticks // unit * period
+                yield (
+                    f"{apart} the {key} of sensors.{channel.signal}, of: {channel.part.name}, is "
+                    f"{ticks * schedule.period:g} s; write {before:g} s or {before + period:g} s"
+                )
+    if not is_odd:
+        yield (
+            f"{apart} the ticks of the loop are {schedule.period:g} s, which the filter follows; "
+            "give whole control periods to actuators and to the delay and offset of control, "
+            "remove control.tick, and give gyro and accelerometer no period"
+        )
+
+
 def _extended(pose: Array, speed: Array, place: Array | None = None) -> Array:
     """Return χ = (R, v, p), with the position of the pose if none is given, ``(..., 5, 5)``."""
     p = pose[..., :SPACE, SPACE] if place is None else place
     columns = np.concatenate([speed[..., None], p[..., None]], axis=-1)
     return EXTENDED.assemble(pose[..., :SPACE, :SPACE], columns)
+
+
+def _heading(estimated: Array, measured: Array) -> tuple[Array, Array]:
+    """Return the row of ψ = atan2(R̂₂₁, R̂₁₁) for the turn ε, and ψ_m − ψ̂, within ±π, ``(..., 1)``.
+
+    ε moves R̂e₁ = (x, y, ·) by R̂(ε × e₁), and so ψ by (x δy − y δx)/(x² + y²).
+    """
+    R, x, y = estimated, estimated[..., 0, 0], estimated[..., 1, 0]
+    u, v, square = measured[..., 0, 0], measured[..., 1, 0], x * x + y * y
+    pitched = (y * R[..., 0, 2] - x * R[..., 1, 2]) / square
+    yawed = (x * R[..., 1, 1] - y * R[..., 0, 1]) / square
+    across, along = x * v - y * u, x * u + y * v
+    half = across / (along + sqrt(across * across + along * along))
+    return stack([0.0 * pitched, pitched, yawed]), 2 * apply("atan", half)[..., None]
 
 
 def _flow(h: Array) -> Array:

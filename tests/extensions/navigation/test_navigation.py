@@ -53,6 +53,9 @@ SENSORS = {
 """Late by different times, so that later measurements arrive first; some are missing."""
 
 
+BY_HEADING = pytest.mark.ci("takes the quick case again, with a compass")
+
+
 def hat(w):
     x, y, z = w
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])
@@ -69,6 +72,10 @@ def exp(xi):
 def log(X):
     L = logm(X).real
     return np.concatenate([[L[2, 1], L[0, 2], L[1, 0]], *L[:3, 3:].T])
+
+
+def heading(R):
+    return np.arctan2(R[1, 0], R[0, 0])
 
 
 class Plain:
@@ -98,7 +105,7 @@ class Plain:
         drift = np.vstack([-L / 2, np.eye(6)]) * np.sqrt(H) * WALK
         self.X, self.S = now, step @ self.S @ step.T + white @ white.T + drift @ drift.T
 
-    def correct(self, Q, depth):
+    def correct(self, Q, depth, by_heading=False):
         """By the measured parts of a pose, and by a depth; None where there is none."""
         here = self.X[[0, 1, 2, 4]][:, [0, 1, 2, 4]]
         pose = here.copy()
@@ -110,6 +117,17 @@ class Plain:
                 std += [POSE] * 3
         residual = log(np.linalg.inv(here) @ pose)
         r = [*residual[:3]] * (Q[0] is not None) + [*residual[3:]] * (Q[1] is not None)
+        if by_heading and Q[0] is not None:  # instead of the attitude, by differences
+            there, h = (lambda e: heading(self.X[:3, :3] @ expm(hat(e)))), 1e-4
+            row = [
+                (8 * (there(h * e) - there(-h * e)) - there(2 * h * e) + there(-2 * h * e)) / 12 / h
+                for e in np.eye(3)
+            ]
+            turned = (heading(Q[0]) - there(np.zeros(3)) + np.pi) % (2 * np.pi) - np.pi
+            rows, r = [np.concatenate([row, np.zeros(12)]), *rows[3:]], [turned, *r[3:]]
+            std = [POSE * np.linalg.norm(row), *std[3:]]
+            if Q[1] is not None:
+                r[1:] = self.X[:3, :3].T @ (Q[1] - self.X[:3, 4])
         if depth is not None:
             rows += [np.concatenate([np.zeros(6), self.X[2, :3], np.zeros(6)])]
             r, std = [*r, depth - self.X[2, 4]], [*std, DEPTH]
@@ -129,10 +147,12 @@ def motion(k):
     return Q, np.array([np.cos(t), 0.5, 0.2 * t, 1.0, np.sin(3 * t), 0.4])
 
 
-def test_each_instant_is_that_of_a_filter_that_begins_anew():
-    """Rounding of 24 steps, of expm and of logm is below 1e-13."""
+@pytest.mark.parametrize("by_heading", [False, pytest.param(True, marks=BY_HEADING)])
+def test_each_instant_is_that_of_a_filter_that_begins_anew(by_heading):
+    """Rounding of 24 steps, of expm and of logm is below 1e-13, that of differences 1e-12."""
     forces = Drag(linear=DRAG.tolist()), Restoring(weight=9.80665, buoyancy=LIFT)
-    estimator = Navigation(initial_velocity_std=SPEED)
+    options = {"heading_only": True, "initial_pose_std": POSE, "initial_error": 0.1}
+    estimator = Navigation(initial_velocity_std=SPEED, **(options if by_heading else {}))
     vehicle = Vehicle(forces=forces, control=Sampling(H), estimator=estimator, **SENSORS)
     random_of = partial(generator_at, 1, Stream.VEHICLE, 0)
     flying = vehicle.of_run(SE3, random_of)
@@ -158,13 +178,17 @@ def test_each_instant_is_that_of_a_filter_that_begins_anew():
         if now % 5 and now < INSTANTS - 1:
             continue
         Q0, V0 = motion(0)
-        plain = Plain(pose[0], Q0[:3, :3] @ (V0[3:] - flying.estimator.initial_velocity_error))
-        for k in range(1, now + 1):
-            plain.predict((felt[k - 1] + felt[k]) / 2)
+        start = Q0 @ exp(np.full(6, -0.1)) if by_heading else pose[0]
+        plain = Plain(start, Q0[:3, :3] @ (V0[3:] - flying.estimator.initial_velocity_error))
+        for k in range(0 if by_heading else 1, now + 1):  # without a start, the first fix is one
+            if k:
+                plain.predict((felt[k - 1] + felt[k]) / 2)
             turn = pose[k][:3, :3] if known("measured_pose_rotation", k, now) else None
             place = pose[k][:3, 3] if known("measured_pose_translation", k, now) else None
             plain.correct(
-                (turn, place), depth[k] if known("measured_depth_depth", k, now) else None
+                (turn, place),
+                depth[k] if known("measured_depth_depth", k, now) else None,
+                by_heading,
             )
         R, v = plain.X[:3, :3], plain.X[:3, 3]
         tell = SE3.unpack(states["estimator_pose"])[:3], states["estimator_velocity"]
