@@ -404,6 +404,12 @@ UNUSUAL: dict[str, dict[str, Any]] = {
         "gains": "of `law`",
         "source": "Smeur, Chu, de Croon 2016",
     },
+    "l1": {
+        "groups": "all",
+        "reads": "what `law` reads",
+        "gains": "of `law`",
+        "source": "Wu and others 2023",
+    },
     "lqr": {"source": "–"},
     "network": {"groups": "all", "reads": "`observes`", "gains": "–", "source": "your own"},
     "observer": {"groups": "all", "reads": "what `law` reads", "gains": "of `law`", "source": "–"},

@@ -386,7 +386,7 @@ class OuterLoop(CountsInstants):
 def gains_group(law: Controller, G: MatrixLieGroup) -> MatrixLieGroup:
     """Return the group that the gains of a law are of."""
     of = law.formula or law
-    return of.gains_group(G) if isinstance(of, OuterLoop) else G
+    return of.gains_group(G) if hasattr(of, "gains_group") else G
 
 
 MOST_AHEAD = 1000

@@ -145,11 +145,11 @@ SETTLED = 1e-9
 GAINS = {
     "kp": ("gains.K",),
     "kd": ("gains.K_d",),
-    "position": tuple(f"controller.position.{gain}" for gain in ("kx", "kv", "ki")),
+    "position": (".position.kx", ".position.kv", ".position.ki"),
     "lag": ("controller.believed",),
     "effectiveness": (),
 }
-"""Paths of the numbers of a loop that each gain multiplies. The lag is the one that a law believes
+"""Ends of the paths of the numbers that each gain multiplies. The lag is the one that a law believes
 in; effectiveness is the torque for each command, which no law knows."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
@@ -246,8 +246,8 @@ class Linearised:
         scaled = {
             path: factor * numbers[path]
             for name, factor in factors.items()
-            for path in GAINS[name]
-            if path in numbers
+            for path in numbers
+            if path.endswith(GAINS[name])
         }
         loop = with_leaves(self.about.loop, scaled)
         # Motion and measurements of a sampled loop do not depend on gains.

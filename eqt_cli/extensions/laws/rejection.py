@@ -1,23 +1,40 @@
-"""Laws that reject what their model does not know: INDI and the momentum observer."""
+"""Laws that reject what their model does not know: INDI and the momentum observer.
+
+Around a cascade, the estimate acts in both loops: the force changes the attitude that is commanded.
+"""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, Self
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, cos, exp, less, sin, where
+from eqt_cli.base.arrays import (
+    Array,
+    Arrays,
+    apply_matrix,
+    cos,
+    dot,
+    exp,
+    less,
+    sin,
+    transpose,
+    where,
+)
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale
 from eqt_cli.components import laws
 from eqt_cli.components.actuators import any_runs, excess
+from eqt_cli.components.forces import ConstantForce
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.matrix_groups import rigid_motions
-from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.components.motions import PlantModel, check_rigid_body
+from eqt_cli.components.matrix_groups import rigid, rigid_motions
+from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
+from eqt_cli.components.motions import PlantModel, RigidMotion, check_rigid_body
+from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.vehicle import place_of
+from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import with_fields
 
 INNER = "law_"
@@ -31,6 +48,30 @@ Estimate = tuple[Array, dict[str, Array]]
 """δ̂, and the states that follow."""
 
 
+class ConstantDisturbance(NamedTuple):
+    """A disturbance at rest.
+
+    Attributes
+    ----------
+    reference
+        At rest.
+    wrench : (m,)
+        Its coordinates, those of δ̂.
+    forces
+        The forces on the vehicle without it.
+    pushes
+        It as forces on the vehicle.
+    share
+        What part of it δ̂ tends to.
+    """
+
+    reference: Any
+    wrench: Array
+    forces: tuple[Any, ...]
+    pushes: tuple[ConstantForce, ...]
+    share: float
+
+
 @dataclass(frozen=True)
 class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     """u = τ − δ̂ around a law with the torque τ, on every group.
@@ -42,6 +83,10 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     with the control period T, a lag T_a of the actuators, and what the limits that the law knows
     leave of u. At the start û is 0 or, of rotors, what they run at.
 
+    Around a `cascade`, δ̂ acts in both loops, as known forces do: its torque, body frame, in that of
+    the attitude law, and its force, in space, in F, so that it tilts the body. There δ̂ is 0 at the
+    start, and the forces of the model are none of it. Rates of R_c take it as constant.
+
     Attributes
     ----------
     law
@@ -49,6 +94,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     lag
         T_a as it is believed, s: a number, or one along each axis. Default: that of the actuator
         `lag` or the `time_constant` of thrusters, of two the longer one, else 0.
+    lateral
+        Of a cascade, whether all of the estimated force acts, or only what the push can give.
     believed
         The lag T_a along each axis, s; None for 0.
     """
@@ -69,7 +116,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     lag: Annotated[Real | list[Real] | None, Scale("believed lag", "s")] = field(
         default=None, kw_only=True
     )
-    inner: Any = field(default=None, init=False, repr=False)
+    lateral: bool = field(default=True, kw_only=True)
+    around: Any = field(default=None, init=False, repr=False)  # the law that it is around
     acting: Any = field(default=(), init=False, repr=False)
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     believed: Any = field(default=None, init=False, repr=False)  # the lag by axis; None for 0
@@ -84,10 +132,12 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             if isinstance(inner, dict) and inner.pop(key, None) is not None:
                 problems.at("law", key).add(f"is of {self.name}; write it beside `law`, not in it")
         law = Kind(laws.controllers).checked(inner, problems.at("law"), G)
-        without = (laws.Designed, laws.OuterLoop, laws.Previews, laws.RunsCode, Rejecting)
+        without = (laws.Designed, laws.Previews, laws.RunsCode, Rejecting)
         if law is not None and (isinstance(law, without) or law.commands != "torque"):
             said = f"expected a law of {G.name} that computes a torque, such as lee2010"
             problems.at("law").add(f"{said}, got {law.name}")
+        elif law is not None and not (self.lateral or isinstance(law, laws.OuterLoop)):
+            problems.at("lateral").add(f"applies to a cascade only, got law: {law.name}")
         if isinstance(self.lag, list) and len(self.lag) != G.dimension:
             said = f"expected a number, or {G.dimension} of them"
             problems.at("lag").add(f"{said}, got {len(self.lag)}")
@@ -97,14 +147,39 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     def loaded(
         self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self, dict[str, str]]:
-        """Return the law with its inner law."""
-        inner = Kind(laws.controllers).checked(self.law, Problems(), G)
-        names = ("tasks", "matched", "weight", "energy") if inner else ()
-        return with_fields(self, inner=inner, **{name: getattr(inner, name) for name in names}), {}
+        """Return the law with its inner law; around an outer loop, it is one itself."""
+        law: Any = Kind(laws.controllers).checked(self.law, Problems(), G)
+        if law is None:
+            return self, {}
+        law, files = law.loaded(home, G, Problems())
+        ready = self
+        if isinstance(law, laws.OuterLoop):
+            if law.commands != "torque":
+                said = "expected an attitude law that computes a torque, such as lee2010"
+                problems.at("law", "attitude").add(f"{said}, got {law.inner.name}")
+            options = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+            ready = self.around_outer_loop(**options)
+        names = ("tasks", "matched", "weight", "energy")
+        return with_fields(ready, around=law, **{name: getattr(law, name) for name in names}), files
+
+    @property
+    def around_outer_loop(self) -> Any:
+        """The class of this law around an outer loop."""
+        return next(kind for kind in Outer.__subclasses__() if issubclass(kind, type(self)))
+
+    @property
+    def inner(self) -> Any:
+        """The law that the gains are of."""
+        return self.around
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group that the gains of the inner law are of."""
+        law = self.around or Kind(laws.controllers).checked(self.law, Problems(), G)
+        return G if law is None else laws.gains_group(law, G)
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the inner law with the options that follow its gains."""
-        return {"inner": laws.with_defaults(self.inner, G, gains, self.law)}
+        return {"around": laws.with_defaults(self.around, G, gains, self.law)}
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with lag, limits and forces that it knows; note what does not fit."""
@@ -127,8 +202,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
                 )
         return with_fields(
             self,
-            inner=self.inner.for_plant(
-                G, plant.inside("inner", self.inner, G, self.law), problems.at("law")
+            around=self.around.for_plant(
+                G, plant.inside("around", self.around, G, self.law), problems.at("law")
             ),
             acting=tuple(part for part in plant.actuators if part.limits),
             known=plant.forces,
@@ -150,38 +225,45 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         return np.broadcast_to(lag, G.dimension) * 1.0 if np.any(lag) else None
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
-        """Return that the first measurement has been."""
-        return [{STARTED: 1.0}]
+        """Return that the first measurement has been, and what the inner law counts."""
+        counts = self.around.cycle(period) if isinstance(self.around, laws.CountsInstants) else [{}]
+        return [{STARTED: 1.0, **{INNER + name: z for name, z in each.items()}} for each in counts]
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return that of the inner law."""
-        return self.inner.lyapunov(self._inside(s))
+        value: Array = self.law_at(s).lyapunov(self._inside(s))
+        return value
 
     def torque(self, s: Tracking) -> Array:
         """τ − δ̂ with the last estimate, body frame."""
-        return self.inner.torque(self._inside(s)) - s.memory[DISTURBANCE]
+        torque: Array = self.around.torque(self._inside(s)) - s.memory[DISTURBANCE]
+        return torque
+
+    def law_at(self, s: Tracking) -> Any:
+        """Return the inner law, with the last estimate where it is told that."""
+        return self.around
 
     # Its memory.
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of its states, and of those of the inner law."""
         lengths = {STARTED: 1, ACTUATED: G.dimension, DISTURBANCE: G.dimension}
-        return lengths | {INNER + name: n for name, n in self.inner.memory(G).items()}
+        return lengths | {INNER + name: n for name, n in self.around.memory(G).items()}
 
     def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of δ̂, and of the states of the inner law."""
-        shown = (DISTURBANCE, *(INNER + name for name in self.inner.memory(G)))
+        shown = (DISTURBANCE, *(INNER + name for name in self.around.memory(G)))
         return {name: n for name, n in self.memory(G).items() if name in shown}
 
     def memory_rate(self, s: Tracking) -> Arrays:
         """Return the rates of the inner law, and 0 for the states that change at instants."""
-        inner = self.inner.memory_rate(self._inside(s))
+        inner = self.law_at(s).memory_rate(self._inside(s))
         waiting = {name: 0.0 * z for name, z in s.memory.items()}
         return waiting | {INNER + name: rate for name, rate in inner.items()}
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the beginning of the inner law."""
-        inner = self.inner.initial_memory(self._inside(s))
+        inner = self.law_at(s).initial_memory(self._inside(s))
         return {INNER + name: z for name, z in inner.items()}
 
     def _inside(self, s: Tracking) -> Tracking:
@@ -193,12 +275,12 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Return u, and all states a period later."""
-        tau, inner = self.inner.answer(self._inside(s), period)
         is_first, before = less(s.memory[STARTED], 0.5), s.memory[ACTUATED]
         if self.runs:
-            before = where(is_first, s.command(tau - s.memory[DISTURBANCE]), before)
+            first, _ = self.rejecting(s, s.memory[DISTURBANCE], period)
+            before = where(is_first, s.command(first), before)
         estimate, states = self.estimated(s, before, is_first, period)
-        u = tau - estimate
+        u, inner = self.rejecting(s, estimate, period)
         reached = s.command(u)
         if self.acting:
             reached = reached - excess(s.G, self.acting, reached)
@@ -208,9 +290,51 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         started = 1.0 + 0.0 * s.memory[STARTED]
         return u, {STARTED: started, ACTUATED: reached, DISTURBANCE: estimate, **states}
 
+    def rejecting(self, s: Tracking, estimate: Array, period: Any) -> tuple[Array, Arrays]:
+        """Return u with an estimate, and the states of the inner law a period later."""
+        tau, inner = self.around.answer(self._inside(s), period)
+        return tau - estimate, inner
+
+    def constant_disturbance(self, loop: Any, error: float) -> "ConstantDisturbance":
+        """Return one at rest that a law of its gains alone would give an error, rad or m."""
+        wrench = error * np.diagonal(hessian_at_identity(loop.group, loop.gains.K))
+        pushes = (ConstantForce(wrench.tolist()).of_run(loop.group, None),)
+        still, share = ConstantReference("identity"), self.share_found(loop.period)
+        return ConstantDisturbance(still, wrench, loop.vehicle.forces, pushes, share)
+
+    def share_found(self, period: float) -> float:
+        """Return the share of a constant disturbance that the estimate tends to."""
+        return 1.0
+
+    # What estimators compare with 𝕀V̇, in the coordinates of δ̂.
+
+    def framed(self, s: Tracking, wrench: Array) -> Array:
+        """Return a wrench or momentum of the body frame in the coordinates of δ̂."""
+        return wrench
+
+    def unforced(self, s: Tracking) -> Array:
+        """Return the rate of the momentum without actuators and what is unknown."""
+        return -s.command(-s.G.ad_star(s.V, s.P))  # the loop commands τ − f
+
     @abstractmethod
     def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return δ̂ at an instant where the actuators give û, and the states that follow."""
+
+
+class Compared(NamedTuple):
+    """What INDI compares at an instant, in the coordinates of δ̂ = `rest` − H[`residual`].
+
+    Attributes
+    ----------
+    residual, rest
+        What it filters, and what it does not, ``(..., m)``.
+    measured
+        What the next difference is taken from.
+    """
+
+    residual: Array
+    rest: Any
+    measured: Array
 
 
 @dataclass(frozen=True)
@@ -302,8 +426,8 @@ class Indi(Rejecting, laws.KnowsForces):
             forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
         return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)
 
-    def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
-        """Return −(ad*_V 𝕀V + H[û − 𝕀ΔV/T]), and the states of the filter."""
+    def compared(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Compared:
+        """Return what H reads, and δ̂ without it."""
         V, weight = s.V, 0.0 * s.V
         change = where(is_first, 0.0 * V, (V - s.memory["measured"]) / period)
         if self.reads_specific_force:
@@ -315,6 +439,11 @@ class Indi(Rejecting, laws.KnowsForces):
         r = actuated - s.inertia.momentum(change)
         if self.runs:
             r = where(is_first, weight - self._known(s), r)
+        return Compared(r, weight - free, s.V)
+
+    def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
+        """Return −(ad*_V 𝕀V + H[û − 𝕀ΔV/T]), and the states of the filter."""
+        r, rest, measured = self.compared(s, actuated, is_first, period)
         K = sin(np.pi * self.cutoff * period) / cos(np.pi * self.cutoff * period)
         scale = 1.0 / (1.0 + np.sqrt(2.0) * K + K * K)
         b, a1 = K * K * scale, 2.0 * (K * K - 1.0) * scale
@@ -322,8 +451,8 @@ class Indi(Rejecting, laws.KnowsForces):
         z1 = where(is_first, (1.0 - b) * r, s.memory["filter"])
         z2 = where(is_first, (b - a2) * r, s.memory["filter_next"])
         y = b * r + z1
-        states = {"measured": s.V + 0.0 * r, "filter": 2.0 * b * r - a1 * y + z2}
-        return weight - free - y, {**states, "filter_next": b * r - a2 * y}
+        states = {"measured": measured + 0.0 * r, "filter": 2.0 * b * r - a1 * y + z2}
+        return rest - y, {**states, "filter_next": b * r - a2 * y}
 
 
 @dataclass(frozen=True)
@@ -354,7 +483,173 @@ class MomentumObserver(Rejecting):
 
     def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return k(𝕀V − P̂), and P̂."""
-        new = s.memory["momentum"] + period * (actuated + s.memory[DISTURBANCE])
-        P = where(is_first, s.P, new)
-        free_and_known = -s.command(-s.G.ad_star(s.V, s.P))  # the loop commands τ − f
-        return self.rate * (s.P - P), {"momentum": P + period * free_and_known}
+        acting, measured = self.framed(s, actuated), self.framed(s, s.P)
+        new = s.memory["momentum"] + period * (acting + s.memory[DISTURBANCE])
+        P = where(is_first, measured, new)
+        states = {"momentum": P + period * self.unforced(s)}
+        return self.rate * (measured - P), states
+
+
+# Around an outer loop: a cascade that knows the estimate ------------------------------------------
+
+
+@dataclass(frozen=True)
+class EstimatedForce:
+    """An estimate δ̂ as a cascade reads a known force: constant in Ω̇_c and what is above it.
+
+    Attributes
+    ----------
+    wrench : (..., m)
+        The torque, body frame, and the force in space.
+    """
+
+    turns: ClassVar[bool] = True
+
+    wrench: Array
+
+    def in_space(self, G: Any, t: Any, moving: RigidMotion) -> Any:
+        """Return the force as a series, in space."""
+        force = self.wrench[..., G.translation.axes]
+        return Jet([force, *[None] * moving.position.order])
+
+    def in_body(self, G: Any, t: Any, Q: Array, V: Array) -> Array:
+        """Return torque and force, body frame."""
+        force = apply_matrix(transpose(G.rotation(Q)), self.wrench[..., G.translation.axes])
+        return np.concatenate([self.wrench[..., : G.rotations], force], axis=-1)
+
+
+class Outer(laws.OuterLoop, Rejecting):
+    """A law that rejects, around an outer loop, whose force is that of the estimate, too."""
+
+    reads_flat_output: ClassVar[bool] = True
+    reads_gains: ClassVar[bool] = False
+
+    inner = property(lambda self: self.around.inner)
+    direction = property(lambda self: self.around.direction)
+    undefined = property(lambda self: self.around.undefined)
+    position = property(lambda self: self.around.position)
+
+    def inner_inertia(self, G: MatrixLieGroup, inertia: Any) -> Inertia:
+        """Return the inertia of the attitude law."""
+        of: Inertia = self.around.inner_inertia(G, inertia)
+        return of
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group of the attitude law."""
+        return laws.gains_group(self.around, G)
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those of the cascade."""
+        axes: Array = self.around.directions(G)
+        return axes
+
+    def commanded(self, s: Tracking) -> Any:
+        """Return what the position loop asks for, with the last estimate."""
+        return self.law_at(s).commanded(self._inside(s))
+
+    def attitude_error(self, s: Tracking) -> Array:
+        """Return that of the cascade, with the last estimate."""
+        error: Array = self.law_at(s).attitude_error(self._inside(s))
+        return error
+
+    def loop_errors(self, s: Tracking) -> Array:
+        """Return those of the cascade, with the last estimate."""
+        errors: Array = self.law_at(s).loop_errors(self._inside(s))
+        return errors
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return that of the cascade, with the last estimate."""
+        error: Array = self.law_at(s).velocity_error(self._inside(s))
+        return error
+
+    def _with_estimate(self, estimate: Array) -> Any:
+        """Return the cascade with an estimate, where all of its force acts."""
+        if not self.lateral:
+            return self.around
+        return with_fields(self.around, known=(*self.around.known, EstimatedForce(estimate)))
+
+    def _matched(self, s: Tracking, estimate: Array) -> Any:
+        """Return torque and push of an estimate that does not tilt; else 0."""
+        if self.lateral:
+            return 0.0
+        wrench = EstimatedForce(estimate).in_body(s.G, s.t, s.Q, s.V)
+        axis, turns = np.array(self.direction), rigid(s.G).rotations
+        push = dot(wrench[..., turns:], axis)[..., None] * axis
+        return np.concatenate([wrench[..., :turns], push], axis=-1)
+
+    def law_at(self, s: Tracking) -> Any:
+        """Return the cascade with the last estimate."""
+        return self._with_estimate(s.memory[DISTURBANCE])
+
+    def torque(self, s: Tracking) -> Array:
+        """Return torque and push with the last estimate, body frame."""
+        matched = self._matched(s, s.memory[DISTURBANCE])
+        torque: Array = self.law_at(s).torque(self._inside(s)) - matched
+        return torque
+
+    def rejecting(self, s: Tracking, estimate: Array, period: Any) -> tuple[Array, Arrays]:
+        """Return torque and push with an estimate, and the states of the cascade."""
+        u, inner = self._with_estimate(estimate).answer(self._inside(s), period)
+        return u - self._matched(s, estimate), inner
+
+    def constant_disturbance(self, loop: Any, error: float) -> ConstantDisturbance:
+        """Return one at rest, torque in the body and force in space, beside the forces it knows.
+
+        Others could change as it tilts.
+        """
+        G, position = rigid(loop.group), loop.controller.position
+        turns = G.rotations
+        wrench = np.empty(G.dimension)
+        wrench[:turns] = error * np.diagonal(hessian_at_identity(G.rotation_group, loop.gains.K))
+        wrench[turns:] = error * loop.inertia.at(0.0).matrix[turns, turns] * position.kx
+        turning, pushing = wrench.copy(), wrench.copy()
+        turning[turns:], pushing[:turns] = 0.0, 0.0
+        pushes = (
+            ConstantForce(turning.tolist()).of_run(G, None),
+            ConstantForce(pushing.tolist(), frame="spatial").of_run(G, None),
+        )
+        still = {"position": ["0"] * G.space, "minimum_snap": None, "of": None, "inner": None}
+        reference, share = with_fields(loop.reference, **still), self.share_found(loop.period)
+        return ConstantDisturbance(reference, wrench, self.known, pushes, share)
+
+    def framed(self, s: Tracking, wrench: Array) -> Array:
+        """Return a wrench or momentum with its force, or linear part, in space."""
+        turns = rigid(s.G).rotations
+        linear = apply_matrix(rigid(s.G).rotation(s.Q), wrench[..., turns:])
+        return np.concatenate([wrench[..., :turns], linear], axis=-1)
+
+    def unforced(self, s: Tracking) -> Array:
+        """Return J ω × ω, 0 in space, and the forces that the model knows."""
+        turns = s.G.ad_star(s.V, s.P)[..., : rigid(s.G).rotations]
+        spin = np.concatenate([turns, 0.0 * s.V[..., rigid(s.G).rotations :]], axis=-1)
+        return self.framed(s, self.known_wrench(s)) + spin
+
+    def known_wrench(self, s: Tracking, of_weight: bool = False) -> Any:
+        """Return the forces that the model knows, or their weight alone, body frame."""
+        forces: Any = self.known
+        if of_weight:
+            forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
+        return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)
+
+
+class IndiOuter(Outer, Indi):
+    """INDI around a cascade: δ̂ = −H[û + f + ad*_V 𝕀V − 𝕀ΔV/T], forces in space."""
+
+    def initial_memory(self, s: Tracking) -> Arrays:
+        """Return the beginning of the cascade, without an estimate."""
+        return Rejecting.initial_memory(self, s)
+
+    def compared(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Compared:
+        """Return what acts, less the rate of the momentum; 0 at the first instant."""
+        P, turns = self.framed(s, s.P), rigid(s.G).rotations
+        acting = self.framed(s, actuated) + self.unforced(s)
+        rate = (P - s.memory["measured"]) / period
+        if self.reads_specific_force:
+            a = np.concatenate([0.0 * s.V[..., :turns], s.specific_force], axis=-1)
+            felt = s.inertia.momentum(a) + self.known_wrench(s, of_weight=True)
+            rate = np.concatenate([rate[..., :turns], self.framed(s, felt)[..., turns:]], axis=-1)
+        return Compared(where(is_first, 0.0 * P, acting - rate), 0.0, P)
+
+
+class ObserverOuter(Outer, MomentumObserver):
+    """A momentum observer around a cascade, of J ω in the body and m v in space."""

@@ -9,12 +9,10 @@ from typing import ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.forces import ConstantForce
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
-from eqt_cli.components.references import ConstantReference
 from eqt_cli.extensions.laws.rejection import DISTURBANCE, Rejecting
 from eqt_cli.extensions.proofs.certificates import (
     ENERGY_PER_RTOL,
@@ -272,7 +270,10 @@ FOUND = 1e-5
 
 
 class DisturbanceFound(Hypothesis):
-    """With a constant wrench δ at rest, a law that rejects it is stable where δ̂ = δ."""
+    """With a constant wrench δ at rest, a law that rejects it is stable where δ̂ = δ.
+
+    Of `l1`, where δ̂ = e^{−aT} δ.
+    """
 
     name: ClassVar[str] = "δ̂ tends to δ"
     statement: ClassVar[str] = "a constant wrench at rest, to first order"
@@ -285,16 +286,22 @@ class DisturbanceFound(Hypothesis):
         return [self._row(*law) for law in loops if isinstance(law[1].controller, Rejecting)]
 
     def _row(self, label: str, loop: ClosedLoop) -> Row:
-        G, loop = loop.group, replace(loop, reference=ConstantReference("identity"))
-        delta = PUSHED * np.diagonal(hessian_at_identity(G, loop.gains.K))
-        push = ConstantForce(delta.tolist()).of_run(G, None)
-        pushed = replace(loop.vehicle, forces=(*loop.vehicle.forces, push))
-        here = np.zeros(1), G.identity[None], np.zeros((1, G.dimension))
-        at_rest = [linearised(x, *here) for x in (loop, replace(loop, vehicle=pushed))]
+        law = loop.controller
+        assert isinstance(law, Rejecting)
+        constant = law.constant_disturbance(loop, PUSHED)
+        loop = replace(loop, reference=constant.reference)
+        G, delta = loop.group, constant.wrench
+        pose = constant.reference.motion(G, 0.0)[0]
+        free = replace(loop.vehicle, forces=constant.forces)
+        pushed = replace(free, forces=(*constant.forces, *constant.pushes))
+        here = np.zeros(1), pose[None], np.zeros((1, G.dimension))
+        both = (replace(loop, vehicle=vehicle) for vehicle in (free, pushed))
+        at_rest = [linearised(x, *here) for x in both]
         if not all(x.is_constant and growth(x).is_stable for x in at_rest):
             return self.row(Verdict.UNKNOWN, remark="does not rest", controller=label)
         states = (x.about.loop.memory(x.about.states)[DISTURBANCE] for x in at_rest)
-        apart = np.abs(np.subtract(*states) + delta).max() / np.abs(delta).max()
+        expected = constant.share * delta
+        apart = np.abs(np.subtract(*states) + expected).max() / np.abs(delta).max()
         verdict = Verdict.HOLDS if apart <= FOUND else Verdict.FAILS
         return self.row(verdict, float(apart), FOUND, "relative", label)
 

@@ -417,9 +417,9 @@ def tallies(experiment: Experiment) -> dict[str, str]:
 def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
     """Yield the cascades along the motion of their model."""
     for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
-        if isinstance(loop.controller, Cascade):
-            position = with_fields(loop.controller.position, period=None)
-            law = with_fields(loop.controller, position=position)
+        law = getattr(loop.controller, "around", loop.controller)
+        if isinstance(law, Cascade):
+            law = with_fields(law, position=with_fields(law.position, period=None))
             vehicle = Vehicle(forces=(*law.known, *law.across))
             of_model = replace(loop, vehicle=vehicle, controller=law)
             yield sampled(label, of_model, horizon, _random(experiment, index, Stream.CERTIFICATES))
