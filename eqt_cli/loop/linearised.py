@@ -149,7 +149,7 @@ GAINS = {
     "lag": ("controller.believed",),
     "effectiveness": (),
 }
-"""Ends of the paths of the numbers that each gain multiplies. The lag is the one that a law believes
+"""Ends of the paths of numbers that each gain multiplies. The lag is the one that a law believes
 in; effectiveness is the torque for each command, which no law knows."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
