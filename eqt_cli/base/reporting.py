@@ -387,5 +387,5 @@ def fixed(value: float, digits: int, *, signed: bool = False) -> str:
     """Format a number with decimal places, 0 without a sign; - if not finite."""
     if not math.isfinite(value):
         return "-"
-    text = f"{value:{'+' * signed}.{digits}f}"
+    text = f"{value:{'+' if signed else ''}.{digits}f}"
     return text.lstrip("+-") if float(text) == 0 else text

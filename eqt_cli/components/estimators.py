@@ -682,7 +682,10 @@ class ErrorStateFilter(Estimator):
         for part in G.parts:
             axes = list(range(G.dimension)[part.axes])
             fixed = set(axes) <= set(schedule.axes)
-            for name in ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]:
+            stds = ["velocity_std", "pose_std", "initial_pose_std"]
+            if not fixed:
+                stds.remove("pose_std")
+            for name in stds:
                 if name in values and (values[name][axes] <= 0).any():
                     problems.at(name).add(self._no_deviation(name, part.name))
             if fixed:

@@ -170,11 +170,12 @@ class Task:
         if self.is_whole:
             return ()
         spins = np.linalg.cond(gains.K_d + np.transpose(gains.K_d)) > 1e9
-        return (np.array(self.axis),) * (1 + spins)
+        axis = np.array(self.axis)
+        return (axis, axis) if spins else (axis,)
 
     def words(self, gains: Gains) -> str:
         """Return what it leaves free, in words; "" if nothing."""
-        spin = " and the spin" * (len(self.free(gains)) - 1)
+        spin = " and the spin" if len(self.free(gains)) > 1 else ""
         axis = ", ".join(f"{x:.4g}" for x in self.axis)
         return f"the turn{spin} about the axis ({axis})" if not self.is_whole else ""
 

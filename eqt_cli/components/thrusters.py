@@ -618,12 +618,10 @@ class Thrusters(Solving, Running):
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
-        if self.sampled:
-            thrusts = self._limited(self.solution(G, command))
-        else:
-            thrusts = self._commanded(command, command)
-        followed = self.model.followed(self._left(thrusts))
-        return np.concatenate([thrusts] * self.sampled + [followed], axis=-1)
+        if not self.sampled:
+            return self.model.followed(self._left(self._commanded(command, command)))
+        thrusts = self._limited(self.solution(G, command))
+        return np.concatenate([thrusts, self.model.followed(self._left(thrusts))], axis=-1)
 
     def followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""

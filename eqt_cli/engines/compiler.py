@@ -625,7 +625,8 @@ def _library(
     source: str, by: Compiler, check: Callable[[str], object] | None, quick: bool = False
 ) -> tuple[ctypes.CDLL, bytes]:
     cache = user_cache()
-    for way in [by, replace(by, flags=(*by.flags, QUICK))][: 1 + quick]:
+    ways = [by, replace(by, flags=(*by.flags, QUICK))] if quick else [by]
+    for way in ways:
         key = digest("\0".join([source, way.words, way.identity]))
         if cache is not None and (cached := cache.find(key, ENDING)):
             with suppress(OSError):

@@ -327,11 +327,11 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
             summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
             places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"
     (owner, place), *callers = reversed((places or {"the closed loop": ""}).items())
+    where = f" at {place}" if place else ""
     called = "".join(f", called by {name} at {where}" for name, where in callers)
     return (
-        f"{owner} cannot be compiled: {type(error).__name__}: {error}"
-        f"{place and ' at ' + place}{called}; write it with operators, @ and the functions of "
-        "eqt_cli.base.arrays, or use `engine: solve_ivp`"
+        f"{owner} cannot be compiled: {type(error).__name__}: {error}{where}{called}; write it "
+        "with operators, @ and the functions of eqt_cli.base.arrays, or use `engine: solve_ivp`"
     )
 
 

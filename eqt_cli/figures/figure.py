@@ -331,8 +331,10 @@ class ShownRuns(ShownControllers):
         random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
         flying = loop.vehicle.of_run(loop.group, random_of)
         limits = flying.range_of(signal)
+        if limits is None:
+            return None
         factor = ensemble.results.factor(signal)
-        return limits and (limits[0] * factor, limits[1] * factor)
+        return limits[0] * factor, limits[1] * factor
 
     def notes(self) -> list[str]:
         """Return notes on loops and stored runs, then `ShownControllers.notes`."""

@@ -306,7 +306,7 @@ class ClosedLoop:
             {
                 "pose": q,
                 "momentum": m,
-                **{_STRETCH[part]: {"pose": q, "velocity": m}[part] for part in desired},
+                **{_STRETCH[part]: q if part == "pose" else m for part in desired},
                 "work": 1,
                 **{MEMORY + name: length for name, length in memory.items()},
                 **{VEHICLE + name: n for name, n in self.vehicle.states(self.group).items()},

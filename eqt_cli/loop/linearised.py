@@ -552,7 +552,8 @@ class _About:
     def _across(self, phases: Iterable[Phase]) -> tuple[Phase, ...]:
         """Return the phases without what the task leaves free."""
         T, free = np.eye(self.dimension), self.loop.task.free(self.loop.gains)
-        rows = [0, self.loop.group.dimension][: len(free)]
+        starts = [0, self.loop.group.dimension]  # of the pose and the velocity
+        rows = starts[: len(free)]
         for row, a in zip(rows, free, strict=True):
             T[row : row + 3, row : row + 3] = np.linalg.svd(a[None])[2]
         within = np.delete(T, rows, axis=0).T
@@ -918,7 +919,8 @@ def _left_out_of(vehicle: Vehicle) -> Iterator[LeftOut]:
         if getattr(actuator, "time_constant_down", None) is not None:
             yield LeftOut(f"{place} (the shorter of its two time constants)")
         if actuator.linear_part is not actuator or actuator.limits:
-            what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
+            is_linear = isinstance(actuator.linear_part, type(actuator))
+            what = "only the limits of the " if is_linear else ""
             # At a limit no loop is pushed harder: what grows from small errors, grows.
             yield LeftOut(f"{place} ({what}{actuator.departs})", not actuator.limits)
 

@@ -441,12 +441,15 @@ def readme(laws: Sequence[ExportedLaw]) -> str:
 def _claim(law: ExportedLaw) -> str:
     """Say what the law claims of its L."""
     controller = law.loop.controller
-    return {
-        True: f"L = {controller.energy} falls along every motion of the ideal loop, in "
-        f"continuous time ({controller.theorem})",
-        False: f"L = {controller.energy} is not claimed to fall",
-        None: "nothing is claimed",
-    }[claims(controller, law.loop.group, law.loop.gains)]
+    falls = claims(controller, law.loop.group, law.loop.gains)
+    if falls is None:
+        return "nothing is claimed"
+    if not falls:
+        return f"L = {controller.energy} is not claimed to fall"
+    return (
+        f"L = {controller.energy} falls along every motion of the ideal loop, in continuous time "
+        f"({controller.theorem})"
+    )
 
 
 # Exports laws as C files into a folder ------------------------------------------------------------

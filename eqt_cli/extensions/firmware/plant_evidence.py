@@ -402,7 +402,8 @@ class Judge:
         for axis in dict.fromkeys(row.axis for row in rows):
             line = [row for row in rows if row.axis == axis]
             sums = sum_of(line, "plant", unit), sum_of(line, "model", unit)
-            self.rows.append((f"{title} {axis}", *sums, "differs" * any(x.differs for x in line)))
+            finding = "differs" if any(x.differs for x in line) else ""
+            self.rows.append((f"{title} {axis}", *sums, finding))
 
     def note(self, title: str, words: str, finding: str) -> None:
         """Add a part without coefficients."""

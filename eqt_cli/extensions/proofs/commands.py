@@ -308,10 +308,12 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
         rows.append([title, largest, _delay(law), *ranges, lags or "-", law.verdict])
     notes = list(_notes(result, laws))
     table = TextTable("margins", "", header, [Block("", rows)], notes, spare=("of both",))
-    changing = [size] * all(law.changes for law in laws)
-    return table.without(
-        [*changing, *([LAGGING] if not any(law.lag_delays for law in laws) else [])]
-    )
+    empty = []
+    if all(law.changes for law in laws):
+        empty.append(size)
+    if not any(law.lag_delays for law in laws):
+        empty.append(LAGGING)
+    return table.without(empty)
 
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:

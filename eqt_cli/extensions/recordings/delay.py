@@ -55,7 +55,7 @@ class Pair(NamedTuple):
         other = self.other.at(t + self.side * delay, how, self.edges)
         counts = self.armed[np.searchsorted(self.edges, t, side="right")]
         base = np.where(counts[:, None], self.base.numbers, np.nan)
-        return [other, base][:: self.side]
+        return [other, base] if self.side == 1 else [base, other]
 
     def rows(self, delay: Array | float = 0.0, how: str = "linear") -> list[Array]:
         """Return times, measured and wanted numbers where both are known."""

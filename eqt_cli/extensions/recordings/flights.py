@@ -189,7 +189,7 @@ def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: A
     speed = [np.nansum(norm(np.diff(x, axis=0))) / (seconds or math.nan) for x in goals]
     winds = tracking.flight.series("wind") if tracking.flight else ()
     wind = [norm(numbers(series)).mean() for series in winds]
-    means = (float([*x, math.nan][0]) for x in (speed, wind))
+    means = (float(x[0]) if x else math.nan for x in (speed, wind))
     settings = settings_of(tracking, begin, end)[0]
     facts: Any = *name, len(cuts) - 1, seconds, *means, errors, settings
     return Flown(*facts)

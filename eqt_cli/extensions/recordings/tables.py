@@ -137,7 +137,8 @@ def _quaternions(form: str, numbers: Array) -> Array:
         off = abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ORTHOGONAL
         for k in np.flatnonzero(whole)[off | (np.linalg.det(R) < 0)][:1]:
             raise ValueError(f" with no rotation at row {k}, column 0")
-        q[whole] = Rotation.from_matrix(R).as_quat() * [*[1 - 2 * (form == "cosines")] * 3, 1]
+        sign = -1 if form == "cosines" else 1
+        q[whole] = Rotation.from_matrix(R).as_quat() * [sign, sign, sign, 1]
     return q
 
 

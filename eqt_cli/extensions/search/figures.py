@@ -255,11 +255,11 @@ class ShownWorst:
         runs = self.results.runs
         of = f"the worst of {runs} runs" if runs > 1 else "one run"
         failed = any(line.failed.any() for line in self.lines)
-        return [
+        remarks = [
             f"Each point: {of}; the other keys as found for the law (large marker). "
-            "Found by search: worse runs may exist.",
-            *["Crosses at the top: a run failed."] * failed,
+            "Found by search: worse runs may exist."
         ]
+        return [*remarks, "Crosses at the top: a run failed."] if failed else remarks
 
 
 @dataclass(frozen=True)

@@ -298,7 +298,9 @@ def spending_table(result: Result, record: Record, write: Plain) -> TextTable:
             if not spent:
                 continue
             held = [x / bound["bound"] for x in means(result, law, metric)]
-            ends = f" [{', '.join(fixed(x, 3) for x in held[1:])}]" * math.isfinite(held[1])
+            ends = ""
+            if math.isfinite(held[1]):
+                ends = f" [{', '.join(fixed(x, 3) for x in held[1:])}]"
             trained = dict.fromkeys(fixed(end, 3) for end in (min(spent), max(spent)))
             rows.append(
                 [

@@ -301,8 +301,8 @@ class Wheels(Actuator):
         """Return the states at t = 0."""
         start = self.start + 0.0 * V[..., :1]  # type: ignore[operator]
         drives = [-self.inertia * self._along(V), 0.0 * start] if self.changes else []  # type: ignore[operator]
-        states = [0.0 * start] * self.sampled + [*drives, start]
-        return np.concatenate(states, axis=-1)[..., : self.states(G)]
+        held = [0.0 * start] if self.sampled else []
+        return np.concatenate([*held, *drives, start], axis=-1)[..., : self.states(G)]
 
     def momenta(self, x: Array) -> Array:
         """Return h from the states."""
@@ -388,13 +388,15 @@ class Wheels(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return ḣ = −u, without friction, and the rates of drives."""
         u = self.torques(command, x)
-        rates = [0.0 * u] * self.sampled
+        rates = [0.0 * u] if self.sampled else []
         if self.changes:
             wanted = self._wanted(command, x)
             if self.surplus is not None:
                 wanted = self.surplus * wanted
             rates += [u - wanted, self._drives(x)[0]]
-        return np.concatenate([*rates, *[-u] * self.moves], axis=-1)
+        if self.moves:
+            rates.append(-u)
+        return np.concatenate(rates, axis=-1)
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
         """Return (A h) × ω with the friction on the body, and the rates that friction causes."""
@@ -409,8 +411,8 @@ class Wheels(Actuator):
             slip = 10.0 * ratio
             rubbing = rubbing + curve[..., :1] * ratio * exp(0.5 - 0.5 * ratio * ratio)
         rubbing = rubbing + self.rubbing[..., 1:2] * tanh(slip)
-        drives = [rubbing, 0.0 * rubbing] * self.changes
-        held = [0.0 * rubbing] * self.sampled
+        drives = [rubbing, 0.0 * rubbing] if self.changes else []
+        held = [0.0 * rubbing] if self.sampled else []
         return force + apply_matrix(A, rubbing), np.concatenate([*held, *drives, -rubbing], axis=-1)
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
@@ -487,8 +489,9 @@ class Wheels(Actuator):
     def _check_others(self, problems: Problems) -> None:
         if self.speed is not None and self.momentum is not None:
             problems.at("speed").add("give momentum or speed, not both")
-        for name in ("speed", "friction", *["command"] * self.changes):
-            if getattr(self, name) is not None and self.inertia is None:
+        for name in ("speed", "friction", "command"):
+            applies = name != "command" or self.changes
+            if applies and getattr(self, name) is not None and self.inertia is None:
                 problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
         if self.changes and self.gain is None:
             problems.add("command: speed needs gain, the gain of the drives; for example 1 mN m s")

@@ -195,7 +195,7 @@ class _Sdf:
         name = element.words("name") if element.tag == "include" else ""
         name = name or model.attributes.get("name", "")
         merged = element.attributes.get("merge") in TRUE
-        frame = f"{part.scope}{name}::{MODEL}" + ("#" * merged)
+        frame = f"{part.scope}{name}::{MODEL}{'#' if merged else ''}"
         placed, on = element, element.words("placement_frame")
         on = on or model.attributes.get("placement_frame", "")
         if element.one("pose") is None and element.tag == "include" and not on:
