@@ -83,10 +83,14 @@ class Registry(Generic[T]):
     modules
         The modules of eqt's own components, in the order in which a name is looked for. Extensions
         register theirs by `base.extensions`.
+    note
+        What a message on an unknown name says at its end.
     """
 
-    def __init__(self, kind: str, plural: str, base: type[T], modules: tuple[str, ...]) -> None:
-        self.kind, self.plural, self.base = kind, plural, base
+    def __init__(
+        self, kind: str, plural: str, base: type[T], modules: tuple[str, ...], note: str = ""
+    ) -> None:
+        self.kind, self.plural, self.base, self.note = kind, plural, base, note
         self.modules = tuple(f"eqt_cli.{module}" for module in modules)
         self._plugins: dict[str, type[T]] = {}
         _registries.append(self)
@@ -179,7 +183,7 @@ class Registry(Generic[T]):
         if component is None:
             names = self.names()
             hint = suggestion(name, names) or f"; known: {', '.join(names)}"
-            raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
+            raise ComponentError(f"unknown {self.kind} '{name}'{hint}{self.note}")
         return component
 
     def written(self, name: str) -> str:

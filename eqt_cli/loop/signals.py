@@ -566,18 +566,14 @@ class Metric(Component):
         if not (re.fullmatch(r"[A-Za-z]\w*", self.name, re.ASCII) and self.name.isidentifier()):
             yield f"metric {self.name!r}: expected a name of letters, digits and _"
         if self.better not in get_args(Better):
-            yield (
-                f"metric {self.name}: better: expected {', '.join(get_args(Better))}, got "
-                f"{self.better!r}"
-            )
+            words = ", ".join(get_args(Better))
+            yield f"metric {self.name}: better: expected {words}, got {self.better!r}"
         if not self.signals:
             yield f"metric {self.name} reads no signal; name at least one in `signals`"
         for name in sorted(set(self.signals)):
             if any(name in existing(loop) and name in outputs_of(loop) for loop in loops):
-                yield (
-                    f"metric {self.name} reads '{name}', a signal and a number of a law; rename "
-                    "this"
-                )
+                both = "a signal and a number of a law"
+                yield f"metric {self.name} reads '{name}', {both}; rename this"
 
     def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
         """Return the values of its signals in some states."""
@@ -585,7 +581,8 @@ class Metric(Component):
         return [values[name] for name in self.signals]
 
 
-metrics = Registry("metric", "metrics", Metric, ("loop.signals",))
+NO_ENTRY = "; what `eqt compare RESULT --metric NAME` computes of any result needs no entry"
+metrics = Registry("metric", "metrics", Metric, ("loop.signals",), NO_ENTRY)
 
 
 def outputs_of(loop: ClosedLoop) -> Mapping[str, int]:

@@ -307,7 +307,7 @@ METRICS = (
     _peak(
         "peak_attitude_error",
         "attitude_angle",
-        "the attitude error",
+        "attitude error",
         label="largest attitude error",
         stored=False,
     ),
