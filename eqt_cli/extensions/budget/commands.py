@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import options, output, run
 from eqt_cli.cli.compare import TableFormat
+from eqt_cli.cli.output import be_quiet
 
 
 def budget(
@@ -24,7 +26,7 @@ def budget(
     format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
-    quiet: options.Quiet = False,
+    quiet: Annotated[bool, options.option("--quiet", "-q", callback=be_quiet)] = False,
 ) -> None:
     """Print what each noise, force, limit, delay or wrong number adds to the error.
 
@@ -42,6 +44,8 @@ def budget(
     Result
         --figure FILE  Draw the sources in a pdf, svg or png.
         --format NAME  text, csv or latex.
+    Output
+        --quiet  Print the answer only, without its tables.
     """
     from eqt_cli.cli.tables import as_csv, as_latex
     from eqt_cli.extensions.budget.budget import SHARES
@@ -51,10 +55,7 @@ def budget(
 
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document; leave --format out")
-    shares = tuple(quantile or SHARES)
-    for share in shares:
-        if not 0 < share < 1:
-            raise EqtError(f"--quantile: expected a share between 0 and 1, got {share:g}")
+    shares = _shares(quantile or SHARES)
     if figure:
         from eqt_cli.extensions.budget.figures import format_of
 
@@ -77,8 +78,19 @@ def budget(
     elif format is TableFormat.LATEX:
         of_laws = (as_latex(say.sources(law)) for law in made.laws)
         output.print_verbatim("\n\n".join(of_laws))
+    elif quiet:
+        output.print_verbatim("\n".join(line for law in made.laws for line in say.answer(law)))
     else:
         for number, law in enumerate(made.laws):
             blank = [""] if number else []
             sources, quantiles = map(output.laid_out, (say.sources(law), say.quantiles(law)))
             output.print_text(*blank, *say.answer(law), "", sources, "", quantiles)
+
+
+def _shares(wished: Sequence[float]) -> tuple[float, ...]:
+    """Return the shares of quantiles, none of them in per cent."""
+    for share in wished:
+        if not 0 < share < 1:
+            hint = f"; {share:g} % is {share / 100:g}" if 1 <= share < 100 else ""
+            raise EqtError(f"--quantile: expected a share between 0 and 1, got {share:g}{hint}")
+    return tuple(wished)
