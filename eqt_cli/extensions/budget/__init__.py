@@ -6,5 +6,6 @@ from eqt_cli.base.extensions import READ, Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("sensors", "drift", "drift")
+    extension.add_function("remarks on an experiment", "remarks.remarks")
     example = "examples/budget/cubesat12.yaml --figure budget.pdf"
     extension.add_command("budget", "commands.budget", READ, example, after="margins")

@@ -1,11 +1,14 @@
 """Numbers of data sheets in the units in which they stand there."""
 
+import re
+
 import numpy as np
 import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.units import factor
+from eqt_cli.extensions.budget.remarks import remarks
 
 BODY = {
     "group": "SE3",
@@ -68,3 +71,24 @@ def test_other_sensors_in_units_of_their_sheets():
 def test_a_unit_that_does_not_fit_names_those_that_do(options, words):
     with pytest.raises(ConfigError, match=words):
         sensors("velocity", of="rotation", **options)
+
+
+@pytest.mark.parametrize(
+    ("place", "options", "words"),
+    [
+        ("velocity", {"kind": "noise", "density": 0.26}, r"density: 0.26 .* 894 deg/sqrt\(h\)"),
+        ("velocity", {"kind": "noise", "density": {"uniform": [0, 0.26]}}, "density: 0.26 "),
+        ("velocity", {"kind": "bias", "walk": [0, 0.1, 0]}, r"walk: 0.1 .* rad/s/sqrt\(s\)"),
+        ("velocity", {"kind": "drift", "time": 9, "instability": 0.5}, "or 1.03e.05 deg/h"),
+        ("pose", {"kind": "noise", "density": 5}, r"or 1.03e.06 arcsec/sqrt\(Hz\)"),
+        ("velocity", {"kind": "noise", "density": "0.26 deg/√h"}, ""),
+        ("velocity", {"kind": "noise", "density": 1e-4}, ""),
+        ("velocity", {"kind": "noise", "density": 0.26, "of": "translation"}, ""),
+    ],
+)
+def test_a_number_that_lacks_its_unit_is_remarked_on(place, options, words):
+    config = {**BODY, "sensors": {place: [{"of": "rotation", **options}]}}
+    experiment = eqt_cli.load_experiment(config).experiment(0)
+    said = [str(experiment.document.problem(key, text)) for key, text in remarks(experiment, None)]
+    assert len(said) == bool(words)
+    assert re.search(words, "".join(said))
