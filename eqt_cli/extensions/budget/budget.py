@@ -37,7 +37,10 @@ SHARES = (0.5, 0.95, 0.997)
 """Quantiles that are told by default."""
 
 LEAST_RUNS = 5
-"""Runs of a budget; Student's interval of fewer says next to nothing."""
+"""Runs of a budget; an interval of fewer says next to nothing."""
+
+RESAMPLES = 2000
+"""Resamples of the runs behind an interval of a root mean square."""
 
 
 class Row(NamedTuple):
@@ -274,13 +277,23 @@ def _root(x: float) -> float:
 
 
 def rooted_mean(squares: Array) -> Interval:
-    """Return the root of a mean over runs with Student's interval of the mean, and their signs."""
-    from scipy.stats import t as student
+    """Return the root of a mean over runs, with its bootstrap-t interval, and their signs.
 
-    mean = squares.mean()
-    width = student.ppf((1 + LEVEL) / 2, len(squares) - 1) * squares.std(ddof=1)
-    width /= np.sqrt(len(squares))
-    return Interval(_root(mean), _root(mean - width), _root(mean + width))
+    The squares of a constant error are skew, so that a small mean comes with a small deviation.
+    Resamples of the runs show the distribution of (mean - truth) / deviation, which Student's t
+    supposes to be symmetric (Efron and Tibshirani, An Introduction to the Bootstrap, 12.5).
+    """
+    mean, deviation, n = squares.mean(), squares.std(ddof=1), len(squares)
+    random, students = np.random.default_rng(n), list[Array]()
+    for _ in range(RESAMPLES // 250):  # so many fit into memory, also of 10,000 runs
+        drawn = squares[random.integers(0, n, (250, n))]
+        spread = drawn.std(axis=1, ddof=1)
+        differs = spread > 1e-9 * deviation
+        students.append((drawn.mean(axis=1) - mean)[differs] / spread[differs])
+    if not deviation:
+        return Interval(_root(mean), _root(mean), _root(mean))
+    low, high = np.quantile(np.concatenate(students), [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Interval(_root(mean), _root(mean - high * deviation), _root(mean - low * deviation))
 
 
 def quantiles_of(errors: Array, shares: Sequence[float]) -> list[Quantile]:
