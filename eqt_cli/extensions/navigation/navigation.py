@@ -109,7 +109,7 @@ class Navigation(Estimator):
     initial_gyro_bias_std, initial_accelerometer_bias_std
         Standard deviation of the bias at the start. Default: the rms of the `value` of the bias.
     heading_only
-        Whether a measured attitude counts by its heading alone, as that of a compass: the angle
+        Whether a measured attitude counts by its heading alone, as a compass tells it: the angle
         ψ = atan2(R₂₁, R₁₁) of the first axis of the body about the vertical, z.
     gravity
         g in space. Default: 9.80665 m/s² against z; give [0, 0, 9.80665] where z points down, and 0
