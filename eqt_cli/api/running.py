@@ -50,7 +50,7 @@ def run(
     executor
         Executor of the runs. Default: that of `choose_executor`.
     rerun_failed
-        Whether to compute failed runs again, each alone.
+        Whether to compute failed runs again, each alone; also by a solver with other settings.
     grow
         Whether to keep the points, laws and runs of a result in the folder, and add what it lacks.
     shard

@@ -11,7 +11,7 @@ Experiment
 Result
     --out DIR  Result folder.
     --force  Start over. Removes only what eqt wrote to the folder.
-    --rerun-failed  Compute only the failed runs again.
+    --rerun-failed  Compute only the failed runs again, also with other `solver` settings.
     --grow  Keep what the folder holds, and compute the points, laws and runs that it lacks.
 What to show
     --controller LAW  Show only this law. Repeatable.

@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
@@ -66,6 +67,9 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
         lines += [f"checked  {checked}"]
     if result.described.exact:
         lines.append(f"exact    {result.described.exact}: no sensor measures it with errors")
+    lines += [
+        f"solver   {x}" for tell in functions_for("remarks on a result") for x in tell(result)
+    ]
     remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
     output.print_text(*lines)
     for remark in remarks:

@@ -1,14 +1,10 @@
-"""Computes the missing parts of a study in its result folder, and packs the result file.
+"""Computes the missing parts of a study in its result folder, and packs the result file."""
 
-On request, only the failed runs of a finished result are computed again.
-"""
-
-import json
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,72 +15,22 @@ from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, Resu
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import kind_of, write_record
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
-from eqt_cli.base.store_reader import ResultFile, open_results
+from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly
-from eqt_cli.base.stored import LAW, SHAPE, Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Compiled
-from eqt_cli.results.quantity import Measure
 from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, is_of
 from eqt_cli.runs.executors import MOST_TRIES, Auto, Executor, Serial, Threads
-from eqt_cli.runs.folder import (
-    CONFIG,
-    RERUN,
-    ResultFolder,
-    described,
-    further_variables,
-    in_index,
-    new_result_file,
-    stored_quantities,
-    write_index,
-)
+from eqt_cli.runs.folder import CONFIG, ResultFolder, described, new_result_file, write_index
 from eqt_cli.runs.lock import LOCK, locked
-from eqt_cli.runs.part_files import MANIFEST, PartFiles
+from eqt_cli.runs.part_files import MANIFEST
 from eqt_cli.runs.preflight import check_resources, rehearse
 from eqt_cli.runs.provenance import now, provenance
-
-
-def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
-    """Return the task that computes the failed runs of a result again, with parts in `folder`.
-
-    Every failed run becomes its own part, so that it is integrated alone. Parts that were lost with
-    their workers are computed as in the first run. A number that only this version stores is NaN
-    for the other runs.
-
-    Raises
-    ------
-    EqtError
-        If the result holds variables that this version does not know, or lacks integer variables,
-        which have no value for a missing number.
-    """
-    root = in_index(study)
-    integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
-    names = {LAW, SHAPE, *(entry.name for entry in root), *further_variables(study)}
-    with open_results(results) as old:
-        if set(old.names) - names or integers - set(old.names):
-            raise EqtError(
-                f"{results}: was written by a version of eqt that stores other variables",
-                Remedy("compute its failed runs with that version"),
-                OTHER_FOLDER,
-            )
-        status = old["status"]
-    status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
-    by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
-    chosen: list[tuple[int, StudyPart]] = []
-    for item in range(len(study.plans)):
-        index, part = PartTask(study, PartFiles(folder)).part(item)
-        statuses = by_piece[index][part.controller, part.start : part.stop]
-        if (statuses == Status.WORKER_LOST).all():
-            chosen.append((index, part))
-            continue
-        failed = (part.start + np.flatnonzero(statuses)).tolist()
-        chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
-    return PartTask(study, PartFiles(folder), tuple(chosen))
 
 
 @dataclass(frozen=True)
@@ -180,16 +126,17 @@ def execute(
             locks.enter_context(_lock_of(shard, out, len(study.plans)))
         chosen = locks.enter_context((executor or Serial()).opened(folder.path))
         session = Session(study, folder, chosen)
-        if grow and not complete and folder.results.exists():
-            return function_for("run --grow")(session)
+        if (grow or rerun_failed) and not complete and folder.results.exists():
+            return function_for("run --grow" if grow else "run --rerun-failed")(session)
         if complete:
-            return session.rerun(complete.failed)
+            return function_for("run --rerun-failed")(session)
         if rerun_failed:  # parts whose runs all failed are computed as a whole
             for number, entry in session.files.listed().items():
                 if entry.failed == study.plans.runs_of(number):
                     entry.path.unlink()
         done = session.run(force, shard)
-        return session.rerun(done.failed) if rerun_failed and done.failed and done.packed else done
+        again = rerun_failed and done.failed and done.packed
+        return function_for("run --rerun-failed")(session) if again else done
 
 
 def _lock_of(shard: Shard, out: Path, parts: int) -> AbstractContextManager[None]:
@@ -333,23 +280,6 @@ class Session:
         return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
-
-    def rerun(self, failed: int) -> Execution:
-        """Compute the failed runs of a complete result again, and replace their rows."""
-        self.folder.tidy()
-        place = self.folder.path.resolve() / RERUN
-        place.mkdir(exist_ok=True)
-        again = rerun_of(self.study, self.folder.results, place)
-        manifest = self.folder.manifest
-        self.note_earlier(manifest)
-        with timed(self.seconds, "simulation", without=COMPILING):
-            self.compute(again)
-        with timed(self.seconds, "writing"):
-            still = replace_runs(again, self.folder, self.origin)
-        self.folder.finish(manifest | {"failed": still, "provenance": self.origin})
-        self.folder.remove(RERUN)
-        done, total = self.plan.total - failed, self.plan.total
-        return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
     def note_earlier(self, manifest: Mapping[str, Any]) -> None:
         """Add this session to those of a result, and remark if their versions differ."""
@@ -505,7 +435,7 @@ def pack(
     study, decimate = task.study, task.study.base.config.store.decimate
     pieces = list(zip(study.pieces, folder.files_of(study), strict=True))
     checked: list[tuple[States, Works]] = []
-    checks, parts, times = dict[str, Any](), _finished(task), dict[str, list[Array]]()
+    checks, parts, times = dict[str, Any](), finished_parts(task), dict[str, list[Array]]()
     with ExitStack() as packing:
         packing.enter_context(step(PACKING, len(task)))
         for index, (piece, path) in enumerate(pieces):
@@ -514,7 +444,7 @@ def pack(
                 for name, values in (task.shared(index) or {}).items():
                     file.put(name, values[::decimate])
                 earlier = taken(index, file) if taken else {}
-                states, works = _put_parts(task, piece, parts[index], file, times)
+                states, works = put_parts(task, piece, parts[index], file, times)
                 for label, work in earlier.items():
                     works[label] = max(works.get(label, 0.0), work)
                 checked.append((states, works))
@@ -540,53 +470,7 @@ def _cross_checked(
     return {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
 
 
-def replace_runs(task: PartTask, folder: ResultFolder, origin: dict[str, Any]) -> int:
-    """Rewrite a result with the parts of a task in their places; return its failed runs.
-
-    Parameters
-    ----------
-    origin
-        Where its numbers come from now.
-    """
-    study = task.study
-    now, parts = {"provenance": json.dumps(origin, ensure_ascii=False)}, _finished(task)
-    with step(PACKING, len(task)):
-        for index, path in enumerate(folder.files_of(study)):
-            piece = study.piece(index)
-            with open_results(path) as old, new_result_file(piece, path) as file:
-                _copy(file, old, stored_quantities(piece))
-                _put_parts(task, piece, parts[index], file, {})
-                file.describe({**old.attributes, **now})
-    if study.is_ragged:
-        with open_results(folder.results) as old:
-            attributes = {**old.attributes, **now}
-        write_index(study, folder.results, attributes)
-    with open_results(folder.results) as new:
-        return int(np.count_nonzero(new["status"]))
-
-
-def _copy(file: Assembly, old: ResultFile, stored: Iterable[Measure]) -> None:
-    """Copy all variables in blocks of rows; numbers that `old` does not hold become NaN."""
-    for entry in stored:
-        shape = file.shape(entry.name)
-        for rows in _rows(shape):
-            if entry.name in old.names:
-                values = old.read(entry.name, **{old.dims(entry.name)[0]: rows})
-            elif entry.dtype is None:
-                continue
-            else:
-                values = np.full((rows.stop - rows.start, *shape[1:]), np.nan)
-            file.put(entry.name, values, (rows,))
-
-
-def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Yield all rows of an array in blocks of at most `COPIED_BYTES`."""
-    step = max(1, COPIED_BYTES // (8 * int(np.prod(shape[1:]))))
-    for start in range(0, shape[0], step):
-        yield slice(start, min(start + step, shape[0]))
-
-
-def _finished(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
+def finished_parts(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
     """Return the number, the extent and the file of the finished parts of each piece."""
     listed: dict[int, list[tuple[int, StudyPart, Path]]] = defaultdict(list)
     for item, finished in sorted(task.finished().items()):
@@ -595,7 +479,7 @@ def _finished(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
     return listed
 
 
-def _put_parts(
+def put_parts(
     task: PartTask,
     study: Study,
     parts: Iterable[tuple[int, StudyPart, Path]],

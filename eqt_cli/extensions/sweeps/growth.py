@@ -28,6 +28,8 @@ from eqt_cli.config.experiment import digest_of
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Compiled, Engine
+from eqt_cli.extensions.sweeps.reruns import GROWING
+from eqt_cli.extensions.sweeps.solvers_of_runs import remarks
 from eqt_cli.loop.signals import output_names
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, kind_of
@@ -37,8 +39,8 @@ from eqt_cli.runs.part_files import MANIFEST, PartFiles
 from eqt_cli.runs.provenance import now
 from eqt_cli.runs.run_study import Execution, Session, Works, pack, timed
 
-GROWING, MOVING = "growing", "moving"
-"""Entries of the manifest: the digest of the result that is computed, and that of a whole one."""
+MOVING = "moving"
+"""Entry of the manifest: the digest of a result that is complete, and takes the old one's place."""
 
 MOST_NAMED = 3
 """Largest number of points that a message names."""
@@ -93,7 +95,20 @@ class Source:
 
 
 def source_of(file: ResultFile) -> Source:
-    """Return an open result as a source of runs."""
+    """Return an open result as a source of runs.
+
+    Raises
+    ------
+    EqtError
+        If some of its runs are not those of its configuration.
+    """
+    for words in remarks(file):
+        raise EqtError(
+            f"{file.path}: {words}; the runs of a result that grows, or is joined with others, are "
+            "those of one configuration",
+            Remedy("compute it with these settings for all runs, with {}", "force"),
+            OTHER_FOLDER,
+        )
     return Source(file, study(document_of(file)))
 
 
