@@ -221,11 +221,10 @@ class _Measuring(ctypes.Structure):
 
 class _Span(ctypes.Structure):
     _fields_ = [
-        *_each(ctypes.c_int64, "runs later most_steps to_next_run row"),
+        *_each(ctypes.c_int64, "runs later most_steps to_next_run row to_next_held"),
         *_each(ctypes.c_double, "start stop first_inside last_inside rtol atol longest"),
-        *_each(
-            ctypes.c_void_p, "grid held parameters states samples steps counts ends times stopped"
-        ),
+        *_each(ctypes.c_void_p, "grid held parameters states samples steps"),
+        *_each(ctypes.c_void_p, "counts ends times stopped periods"),
         ("measuring", ctypes.POINTER(_Measuring)),
     ]
 

@@ -23,12 +23,13 @@ typedef struct {
     int64_t runs, later, most_steps;
     int64_t to_next_run;              /* in samples: from one run to the next */
     int64_t row;                      /* in states and samples: at least EQT_STATES */
+    int64_t to_next_held;             /* in held: from one run to the next; 0: all share it */
     double start, stop;
     double first_inside, last_inside; /* the field is evaluated between these times */
     double rtol, atol;                /* tolerances of a step */
     double longest;                   /* no step is longer, s */
     const double *grid;               /* (later): sample times behind the start */
-    const double *held;               /* (held) */
+    const double *held;               /* (held), or a row of each run */
     const double *parameters;         /* (runs, parameters) */
     double *states;                   /* (runs, row): at the start, then where a run has ended */
     double *samples;                  /* store.h: (later, row) of each run */
@@ -37,6 +38,8 @@ typedef struct {
     int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
     double *times;                    /* (runs): where it has ended, s */
     const volatile int64_t *stopped;  /* not 0, as soon as runs are to end unfinished */
+    const double *periods;            /* (runs, 4): start, stop, first_inside and last_inside of each
+                                         run; NULL: all share those above */
     const struct eqt_measuring *measuring; /* measure.h */
 } eqt_span;
 
@@ -54,8 +57,10 @@ typedef struct {
     eqt_real y[EQT_STATES], k[16][EQT_STATES], next[EQT_STATES], at[EQT_STATES];
     eqt_real memory[EQT_MEMORY + 1]; /* of a program that measures */
     eqt_real due;                /* time of the next sample behind the start */
+    eqt_real stop, first_inside, last_inside; /* of the run of each lane */
     eqt_real t, h, step;         /* h is what is taken of the step that the tolerance allows */
     eqt_real crossed_at, width;  /* the last crossing, and the width of comparisons since then */
+    double shortest[EQT_LANES];  /* a step below this is too short */
     int64_t run[EQT_LANES];      /* -1: idle */
     int64_t sample[EQT_LANES];   /* its number; the first is 0 */
     int64_t returns[EQT_LANES];
@@ -97,9 +102,7 @@ EQT_INLINE int eqt_any_of(const int *holds)
 
 static void eqt_derivative(eqt_lanes *lanes, eqt_real t, const eqt_real *state, eqt_real *slope)
 {
-    const eqt_span *span = lanes->span;
-    eqt_real inside = eqt_least(eqt_most(t, eqt_constant(span->first_inside)),
-                                eqt_constant(span->last_inside));
+    eqt_real inside = eqt_least(eqt_most(t, lanes->first_inside), lanes->last_inside);
     eqt_field(state, &inside, lanes->parameters, lanes->held, lanes->sides, slope, lanes->left,
               lanes->right);
 }
@@ -126,7 +129,7 @@ static eqt_real eqt_first_step(eqt_lanes *lanes)
     eqt_real trial = eqt_select(little, eqt_constant(1e-6), 0.01 * size / rate);
     eqt_real bend, most, step;
     int i;
-    trial = eqt_least(trial, eqt_constant(lanes->span->stop) - lanes->t);
+    trial = eqt_least(trial, lanes->stop - lanes->t);
     for (i = 0; i < EQT_STATES; i++)
         lanes->at[i] = lanes->y[i] + trial * lanes->k[0][i];
     eqt_derivative(lanes, lanes->t + trial, lanes->at, lanes->k[1]);
@@ -278,8 +281,10 @@ static void eqt_spread(const eqt_lanes *lanes, int lane, eqt_lanes *all)
     SPREAD(h)
     for (i = 0; i < EQT_PARAMETERS; i++)
         SPREAD(parameters[i])
+    SPREAD(first_inside)
+    SPREAD(last_inside)
     for (i = 0; i < EQT_HELD; i++)
-        all->held[i] = lanes->held[i];
+        SPREAD(held[i])
     for (i = 0; i < EQT_COMPARISONS; i++)
         SPREAD(sides[i])
     for (i = 0; i < EQT_STATES; i++) {
@@ -351,14 +356,23 @@ static double eqt_crossing(eqt_lanes *all, double width, int crosses_at_end)
 static void eqt_take(eqt_lanes *lanes, int lane, int64_t run)
 {
     const eqt_span *span = lanes->span;
+    const double shared[4] = {span->start, span->stop, span->first_inside, span->last_inside};
+    const double *times = span->periods ? span->periods + 4 * run : shared;
     int i;
+    if (span->to_next_held)
+        for (i = 0; i < EQT_HELD; i++)
+            EQT_LANE(lanes->held[i], lane) = span->held[run * span->to_next_held + i];
     for (i = 0; i < EQT_STATES; i++)
         EQT_LANE(lanes->y[i], lane) = span->states[run * span->row + i];
     for (i = 0; i < EQT_PARAMETERS; i++)
         EQT_LANE(lanes->parameters[i], lane) = span->parameters[run * EQT_PARAMETERS + i];
     for (i = 0; i < EQT_COMPARISONS; i++)
         EQT_LANE(lanes->sides[i], lane) = 1.0;
-    EQT_LANE(lanes->t, lane) = span->start;
+    EQT_LANE(lanes->t, lane) = times[0];
+    EQT_LANE(lanes->stop, lane) = times[1];
+    EQT_LANE(lanes->first_inside, lane) = times[2];
+    EQT_LANE(lanes->last_inside, lane) = times[3];
+    lanes->shortest[lane] = 1e-16 * (times[1] - times[0]);
     EQT_LANE(lanes->step, lane) = span->steps[run];
     EQT_LANE(lanes->crossed_at, lane) = -EQT_INFINITY;
     EQT_LANE(lanes->width, lane) = EQT_WIDTH;
@@ -419,7 +433,7 @@ static void eqt_choose_lengths(eqt_lanes *lanes)
 {
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++) {
-        double left = lanes->span->stop - EQT_LANE(lanes->t, lane);
+        double left = EQT_LANE(lanes->stop, lane) - EQT_LANE(lanes->t, lane);
         double step = EQT_LANE(lanes->step, lane);
         if (lanes->run[lane] < 0 || lanes->pinned[lane])
             continue;
@@ -436,7 +450,7 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
     const eqt_span *span = lanes->span;
     const eqt_real never = eqt_constant(EQT_INFINITY), one = eqt_constant(1.0);
     const eqt_mask last = eqt_lanes_where(lanes->last);
-    eqt_real known = eqt_select(last, eqt_constant(span->stop), lanes->t + lanes->h);
+    eqt_real known = eqt_select(last, lanes->stop, lanes->t + lanes->h);
     int lane, i, prepared = 0;
     known = eqt_select(accepted, known, -never);
     for (;;) {
@@ -444,7 +458,7 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
         eqt_real theta = (lanes->due - lanes->t) / lanes->h;
         if (!eqt_any(due))
             return;
-        inside = due & eqt_less(lanes->due, eqt_constant(span->stop)) & eqt_less(theta, one);
+        inside = due & eqt_less(lanes->due, lanes->stop) & eqt_less(theta, one);
         if (eqt_any(inside)) {
             if (!prepared)
                 eqt_prepare_dense(lanes);
@@ -557,7 +571,7 @@ void eqt_advance(const eqt_span *span)
             accepted[lane] = lanes.run[lane] >= 0 && EQT_LANE(error, lane) <= 1.0;
             slopes |= accepted[lane]
                       && (!lanes.last[lane]
-                          || (sample < span->later && span->grid[sample] < span->stop));
+                          || (sample < span->later && span->grid[sample] < EQT_LANE(lanes.stop, lane)));
         }
         /* Not needed at the end of a span where no sample lies in the last step. */
         if (slopes)
@@ -575,7 +589,7 @@ void eqt_advance(const eqt_span *span)
             EQT_LANE(lanes.step, lane) =
                 h * (EQT_LANE(error, lane) < EQT_INFINITY ? EQT_LANE(factor, lane) : 0.1);
             if (t + EQT_LANE(lanes.step, lane) == t
-                || EQT_LANE(lanes.step, lane) < 1e-16 * (span->stop - span->start))
+                || EQT_LANE(lanes.step, lane) < lanes.shortest[lane])
                 eqt_leave(&lanes, lane,
                           EQT_LANE(error, lane) < EQT_INFINITY ? EQT_STEP_TOO_SHORT : EQT_NOT_FINITE);
             else if (span->counts[run] >= span->most_steps)
@@ -609,7 +623,7 @@ void eqt_advance(const eqt_span *span)
                 lanes.pinned[lane] = 0;
             }
             if (lanes.last[lane]) {
-                EQT_LANE(lanes.t, lane) = span->stop;
+                EQT_LANE(lanes.t, lane) = EQT_LANE(lanes.stop, lane);
                 crossing[lane] = lanes.fresh[lane] = 0;
                 eqt_leave(&lanes, lane, EQT_THROUGH);
             } else {

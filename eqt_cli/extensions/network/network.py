@@ -432,6 +432,30 @@ def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
     function(*end, *addresses, None, None)
 
 
+UNTRAINED = "untrained"
+"""Text in place of a file that training has yet to write; no file gives it."""
+
+
+def _zero(inputs: int, outputs: int) -> Built:
+    """Return a network that commands 0."""
+    built = Built("policy")
+    zero = built.affine(built.input("x", [inputs]), np.zeros((outputs, inputs)), np.zeros(outputs))
+    built.outputs = {"y": (str(zero), [outputs])}
+    return built
+
+
+def _of_actions(
+    outputs: int, M: Array, curve: Array, said: "Commanded", last: tuple[int, float, int] | None
+) -> str:
+    """Return the C of a law that takes the outputs of its network, before any last ones."""
+    steps = last[2] if last else 0
+    built = Built("policy")
+    actions = built.placed([built.input("x", [outputs * (1 + steps)])], np.arange(outputs))
+    built.outputs = {"y": (str(actions), [outputs])}
+    made = Emitted(network_of(built.text, "policy"))
+    return source_of(made, M, curve, said.clip, (outputs, *last[1:]) if last else None)
+
+
 # The law ------------------------------------------------------------------------------------------
 
 
@@ -466,6 +490,8 @@ class Network(RunsCode, Previews):
     text: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
     source: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
     length: int = field(init=False, default=0, repr=False, metadata=STRUCTURE)
+    # Without a file, as in training: the C that takes what a policy gives.
+    acting: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
 
     @property
     def files(self) -> dict[str, str]:
@@ -491,7 +517,7 @@ class Network(RunsCode, Previews):
             each.check(G, problems.at("observes", index))
             if each.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
                 problems.at("observes", index).add("last_command occurs twice; name it once")
-        if problems or not self.text:
+        if problems or self.text in ("", UNTRAINED):
             return
         with problems.catching("file"):
             check_examples(self.text, self.file)
@@ -519,6 +545,8 @@ class Network(RunsCode, Previews):
             check_foreseen(plant, problems.at("observes", index, "preview"))
         if problems or not self.text:
             return self
+        if self.text == UNTRAINED:
+            return self._with_outputs(G, plant).for_plant(G, plant, problems)
         M, curve = self._commanding(G, plant, problems.at("commands"))
         if problems:
             return self
@@ -529,9 +557,21 @@ class Network(RunsCode, Previews):
         source = source_of(
             emitted(self.text, self.file, self._pairs), M, curve, self.commands_.clip, last
         )
+        acting = self.acting and _of_actions(self.network.commands, M, curve, self.commands_, last)
         with problems.catching("file"):
             function_of(source)
-        return with_fields(self, source=source, length=len(M))
+        return with_fields(self, source=source, length=len(M), acting=acting)
+
+    def _with_outputs(self, G: MatrixLieGroup, plant: PlantModel) -> Self:
+        """Return the law with a network that commands 0 from its signals."""
+        rotors = [part for part in plant.actuators if THRUSTER in part.members]
+        as_rotors = self.commands_.as_ == "rotors" and rotors
+        names = self.commands_.order or (
+            rotors[0].members[THRUSTER] if as_rotors else command_axes(G)
+        )
+        outputs = with_fields(self, text=_zero(1, len(names)).text)
+        network = _zero(sum(outputs._sizes(G)), len(names))
+        return with_fields(self, text=network.text, acting=UNTRAINED)
 
     def _commanding(
         self, G: MatrixLieGroup, plant: PlantModel, problems: Problems
@@ -586,6 +626,11 @@ class Network(RunsCode, Previews):
     def code_call(self) -> CodeCall:
         """The compiled function."""
         return CodeCall(function_of(self.source), 0, (), np.empty(0))
+
+    @property
+    def actions_call(self) -> Any:
+        """The compiled function that takes outputs in place of observations; see `acting`."""
+        return function_of(self.acting)
 
     def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return what the network observes, ``(states, n)``; 0 for its last command."""

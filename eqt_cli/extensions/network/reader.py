@@ -81,8 +81,7 @@ def network_text(path: Path) -> str:
             built.remark(
                 f"its memory is {{{pairs}}}, by names and shapes, unless `memory` says otherwise"
             )
-    keys = ("inputs", "outputs", "memory", "start", "examples", "steps")
-    return json.dumps({key: getattr(built, key) for key in keys})
+    return built.text
 
 
 def _content(path: Path) -> bytes:
@@ -164,6 +163,12 @@ class Built:
         self.steps: list[dict[str, Any]] = []
         self.length: dict[str, int] = {}
         self._numbers = 0
+
+    @property
+    def text(self) -> str:
+        """It as JSON; see `network_text`."""
+        keys = ("inputs", "outputs", "memory", "start", "examples", "steps")
+        return json.dumps({key: getattr(self, key) for key in keys})
 
     def input(self, name: str, shape: list[int]) -> str:
         """Add an input, and return its vector."""

@@ -1,0 +1,1 @@
+from eqt_cli.extensions.gym.entry import gym as gym

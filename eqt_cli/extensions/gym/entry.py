@@ -1,0 +1,5 @@
+"""The name `eqt_cli.gym`."""
+
+from eqt_cli.extensions import gym
+
+__all__ = ["gym"]

@@ -1,0 +1,567 @@
+"""An experiment as a vector environment of Gymnasium, and how it is made from a configuration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.api.loading import Configuration, document_from
+from eqt_cli.base import yaml_source
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.version import __version__
+from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.study import Study, study
+from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.native import Native, programs
+from eqt_cli.extensions.gym import policy
+from eqt_cli.extensions.gym.plant import Episodes, Plant
+from eqt_cli.extensions.gym.rewards import (
+    Evaluated,
+    Function,
+    FunctionReward,
+    MetricReward,
+    signal_program,
+    source_of,
+)
+from eqt_cli.extensions.network.network import UNTRAINED
+from eqt_cli.loop.signals import existing
+from eqt_cli.numbers.leaves import leaves
+from eqt_cli.runs.batches import batches_at
+
+try:
+    import gymnasium
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ImportError:
+    raise EqtError(
+        "eqt_cli.gym needs Gymnasium, which is not installed; pip install '.[gym]'"
+    ) from None
+
+KIND, USUAL = "network", "policy.onnx"
+"""The kind of law that a policy becomes, and its file where the configuration names none."""
+
+MODES = {"same_step": AutoresetMode.SAME_STEP, "disabled": AutoresetMode.DISABLED}
+
+Reward = str | Function | None
+
+
+def make(
+    config: Configuration,
+    num_envs: int = 64,
+    seed: int | None = None,
+    *,
+    reward: Reward = None,
+    terminated: Function | None = None,
+    penalty: float | None = None,
+    autoreset: str | AutoresetMode = "same_step",
+    privileged: Sequence[str] = (),
+    controller: str | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    episodes: int = 2048,
+    stagger: bool = False,
+    dtype: Any = np.float32,
+) -> Environment:
+    """Return an experiment as a vector environment of Gymnasium.
+
+    Its plant is that of `eqt run`: the same vehicle with its limits, lags, delays, noise and drawn
+    numbers, the same reference, moved by the same compiled programs. A policy stands in the place
+    of the law of ``kind: network``, whose `observes` and `commands` are its observations and
+    actions; its file need not be there yet.
+
+    Parameters
+    ----------
+    config
+        A YAML file, a result, or a configuration as a mapping.
+    num_envs
+        Number of environments. Each call costs some tenths of a millisecond, so that fewer than 64
+        are slow.
+    seed
+        Seed of all that is drawn in training. Default: ``ensemble.seed`` of the experiment plus 1,
+        because the experiment is to judge the policy by other runs.
+    reward
+        A stored metric by name, which counts negatively, or a function of a `Step`. Default:
+        ``tune.objective`` of the configuration, or mean_pose_error.
+    terminated
+        Function of a `Step` that says where an episode ends. Episodes also end where the state is
+        no longer finite, and are truncated at ``time.duration``.
+    penalty
+        What is subtracted from the reward where an episode terminates. Default: as many times minus
+        the reward of the last step as steps are left, so that it does not pay to end early.
+    autoreset
+        ``same_step``: an episode that ends is followed by the next one in the same step, and
+        ``info["final_obs"]`` has its last observation. ``disabled``: the caller resets.
+    privileged
+        Signals and drawn numbers that ``info["privileged"]`` has, exactly: for a critic.
+    controller
+        Label of the law, where several are networks.
+    overrides
+        Values by key, as of `load_experiment`.
+    episodes
+        Number of runs of the experiment, from 0 on, that episodes are taken from at random. An
+        episode has the start and the drawn numbers of one, and the sensor errors of another one.
+    stagger
+        Whether the first episodes end at different times, so that few end together.
+    dtype
+        Type of the observations.
+
+    Returns
+    -------
+    Environment
+        A `gymnasium.vector.VectorEnv`.
+
+    Raises
+    ------
+    EqtError
+        If the experiment cannot be stepped so, or an argument is wrong.
+
+    Examples
+    --------
+    >>> env = eqt_cli.gym.make("examples/gym/attitude.yaml", num_envs=2, episodes=4)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation.shape, env.action_space.shape
+    ((2, 15), (2, 3))
+    """
+    document = document_from(
+        config,
+        {f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()},
+    )
+    document, label, judged = _for_training(document, controller)
+    if seed is None:
+        seed = judged + 1
+    if seed == judged:
+        raise EqtError(
+            f"seed: {seed} is ensemble.seed, by whose runs the experiment judges; train by "
+            "another one, or leave it out"
+        )
+    for name, count in (("num_envs", num_envs), ("episodes", episodes)):
+        _whole(count, name)
+    if autoreset not in (*MODES, *MODES.values()):
+        raise EqtError(
+            f"autoreset: expected 'same_step' or 'disabled', got {autoreset!r}; in the mode "
+            "NEXT_STEP, every episode has a step without an action"
+        )
+    document = changed_at(document, ("ensemble", "seed"), seed, "seed")
+    trained = study(document)
+    objective = (document.data.get("tune") or {}).get("objective")
+    return Environment(
+        trained,
+        label,
+        num_envs,
+        Episodes(problem_of(trained, label, episodes)),
+        reward=reward or (objective if isinstance(objective, str) else "mean_pose_error"),
+        terminated=terminated,
+        penalty=penalty,
+        mode=MODES.get(str(autoreset), autoreset),
+        privileged=privileged,
+        stagger=stagger,
+        dtype=dtype,
+    )
+
+
+def _whole(value: Any, name: str) -> None:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+        raise EqtError(f"{name}: expected a whole number from 1, got {value!r}")
+
+
+def _for_training(document: Document, controller: str | None) -> tuple[Document, str, int]:
+    """Return an experiment of its network alone, without a file, and its label and its seed."""
+    data, name = document.data, document.path
+    laws = [law for law in data.get("controllers") or [] if isinstance(law, dict)]
+    laws = [law for law in laws if law.get("kind") == KIND]
+    labels = [str(law.get("label", KIND)) for law in laws]
+    if not laws:
+        raise EqtError(
+            f"{name}: controllers: expected a law of kind: network, whose `observes` and "
+            "`commands` say what the policy reads and gives; add one (docs/howto/train.md)"
+        )
+    if controller is None and len(laws) > 1:
+        raise EqtError(
+            f"{name}: has {len(laws)} networks: {', '.join(labels)}; choose one by `controller`"
+        )
+    if controller is not None and controller not in labels:
+        raise EqtError(
+            f"controller: expected one of {', '.join(labels)}, got {controller!r}"
+            f"{suggestion(controller, labels)}"
+        )
+    if data.get("sweep"):
+        raise EqtError(
+            f"{name}: has a sweep, and an environment is of one experiment; leave `sweep` out, and "
+            "draw the numbers that vary between episodes, as in plant: {inertia: …}"
+        )
+    law = dict(laws[labels.index(controller) if controller else 0])
+    law.pop("memory", None)
+    law = {"label": labels[0] if controller is None else controller, **law}
+    law["file"] = str(law.get("file") or USUAL)
+    solver = dict(data.get("solver") or {})
+    if (engine := solver.get("engine", "native")) not in ("native", "auto"):
+        raise EqtError(
+            f"{name}: solver.engine: {engine}, and an environment is stepped by compiled code; "
+            "leave it out, or write native"
+        )
+    solver["engine"] = "native"
+    changed = data | {"controllers": [law], "solver": solver}
+    home = replace(document.home, files={**document.home.files, law["file"]: UNTRAINED})
+    seed = (data.get("ensemble") or {}).get("seed", 0)
+    return replace(document, data=changed, home=home), law["label"], int(seed)
+
+
+def problem_of(experiment: Study, label: str, runs: int) -> Problem:
+    """Return the first runs of an experiment as a problem."""
+    _check(experiment.document.path, experiment.base.loops[label])
+    (batch,) = batches_at(experiment, label, np.zeros(runs, int), np.arange(runs))
+    return batch.problem  # with its samples: an instant that equals one but for rounding is that
+
+
+def _check(name: str, loop: Any) -> None:
+    """Refuse a loop that is not stepped yet."""
+    vehicle = loop.vehicle
+    if vehicle.solves:
+        raise EqtError(
+            f"{name}: actuators: a solver distributes the torque at each instant, and an "
+            "environment calls compiled code only; let the policy command the thrusts (commands: "
+            "{as: rotors}), or use another actuator"
+        )
+    if vehicle.clocks:
+        raise EqtError(
+            f"{name}: control: {' and '.join(vehicle.clocks)} act at other times than each tick, "
+            "and an environment has one rate; give all one period"
+        )
+    if vehicle.estimates:
+        raise EqtError(
+            f"{name}: estimator: an environment has measurements only; leave the estimator out, "
+            "or train without it and judge with it"
+        )
+    programs(loop)  # raises where it cannot be compiled
+
+
+class Environment(VectorEnv[Array, Array, Array]):
+    """Runs of an experiment that a policy steps, a control period at a time; see `make`.
+
+    Attributes
+    ----------
+    study
+        The experiment of the training, with one law.
+    label
+        Its label.
+    training_seed
+        Seed of all that is drawn.
+    runs : (num_envs,)
+        The run of the experiment that each environment is.
+    """
+
+    def __init__(
+        self,
+        experiment: Study,
+        label: str,
+        num_envs: int,
+        episodes: Episodes,
+        *,
+        reward: str | Function,
+        terminated: Function | None = None,
+        penalty: float | None = None,
+        mode: Any = AutoresetMode.SAME_STEP,
+        privileged: Sequence[str] = (),
+        stagger: bool = False,
+        dtype: Any = np.float32,
+    ) -> None:
+        self.study, self.label, self.num_envs = experiment, label, num_envs
+        self.metadata = {"autoreset_mode": mode, "render_modes": []}
+        self.training_seed = experiment.base.config.ensemble.seed
+        self._penalty, self._stagger = penalty, stagger
+        problem = problem_of(experiment, label, 1)
+        engine = experiment.base.engine
+        assert isinstance(engine, Native)
+        self._episodes, self._engine = episodes, engine
+        self.plant = Plant(problem, engine, episodes, num_envs)
+        limit = problem.loop.controller.commands_.clip  # type: ignore[attr-defined]
+        self._limit, most = limit, np.float32(np.inf if limit is None else limit)
+        actions, observations = (self.plant.actions,), (self.plant.observations,)
+        self.single_action_space = gymnasium.spaces.Box(-most, most, actions, np.float32)
+        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, observations, dtype)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._last, self._rewards = np.zeros((num_envs, *actions)), np.zeros(num_envs)
+        self._observed = np.zeros((num_envs, *observations))
+        self._begun, self._order = np.zeros(num_envs, np.uint64), np.uint64(self.training_seed)
+        self._ended, self._started = np.zeros(num_envs, bool), False
+        self.runs, self._horizon = np.zeros((2, num_envs), np.int64)
+        self._signals = dict[str, Any]()
+        self._terminated = terminated and Evaluated(self.plant, terminated, "terminated")
+        self.terminated_text = "" if terminated is None else source_of(terminated)
+        self._privileged = tuple(privileged)
+        for name in self._privileged:
+            if name not in self.offered:
+                raise EqtError(
+                    f"privileged: unknown name '{name}'{suggestion(name, self.offered)}; this "
+                    f"experiment has {', '.join(self.offered)}"
+                )
+        self.set_reward(reward)
+
+    def set_reward(self, reward: str | Function) -> None:
+        """Set the reward from the next step on; a function is compiled with its numbers of now."""
+        is_name, self._reward = isinstance(reward, str), reward
+        self.reward = (MetricReward if is_name else FunctionReward)(self.plant, reward)  # type: ignore[arg-type]
+
+    # Episodes.
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin new episodes.
+
+        Parameters
+        ----------
+        seed
+            Seed of the order in which episodes follow; the episodes are those of `make`.
+        options
+            ``reset_mask``: which environments begin anew; all by default. ``runs``: the run of the
+            experiment that each of these is, with its own sensor errors.
+        """
+        super().reset(seed=seed)
+        options = dict(options or {})
+        if seed is not None:
+            self._order = np.uint64(seed)
+            self._begun[:] = 0
+        mask = options.pop("reset_mask", None)
+        which = np.arange(self.num_envs) if mask is None else self._masked(mask)
+        runs = options.pop("runs", None)
+        if options:
+            raise EqtError(f"options: unknown '{next(iter(options))}'; known: reset_mask, runs")
+        self._begin(which, None if runs is None else self._runs(runs, len(which)))
+        if self._stagger and not self._started:
+            # Of the first episodes only the ends differ: motion and reference begin as always.
+            left = _hashed(self._order, np.arange(self.num_envs), 0, FIRST_END)
+            self._horizon = 1 + (left % np.uint64(self.plant.ticks)).astype(int)
+        self._started = True
+        self._observed[:] = self.plant.observe()
+        return self._observations(), self._info()
+
+    def _begin(self, which: Array, runs: Array | None) -> None:
+        """Begin these environments anew: as these runs, or as runs drawn for each by itself."""
+        rows: Any = runs
+        if runs is None:
+            count, self._begun[which] = self._begun[which], self._begun[which] + np.uint64(1)
+            sizes = len(self._episodes.states), self._episodes.rows
+            runs, rows = (
+                (_hashed(self._order, which, count, salt) % np.uint64(size)).astype(int)
+                for salt, size in zip((START, ERRORS), sizes, strict=True)
+            )
+        self.plant.begin(which, runs, np.minimum(rows, self._episodes.rows - 1))
+        self.runs[which], self._last[which] = runs, 0.0
+        self._horizon[which], self._ended[which] = self.plant.ticks, False
+        self.reward.begin()
+
+    def _masked(self, mask: Any) -> Array:
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise EqtError(
+                f"reset_mask: expected {self.num_envs} booleans, at least one of them true, got "
+                f"{mask.dtype} of shape {mask.shape}"
+            )
+        if not self._started:
+            raise EqtError("reset_mask: call reset() for all environments first")
+        return np.flatnonzero(mask)
+
+    def _runs(self, runs: Any, count: int) -> Array:
+        runs, most = np.asarray(runs), min(len(self._episodes.states), max(self._episodes.rows, 1))
+        most = most if self._episodes.errors else len(self._episodes.states)
+        if (
+            runs.shape != (count,)
+            or runs.dtype.kind not in "iu"
+            or not ((runs >= 0) & (runs < most)).all()
+        ):
+            raise EqtError(
+                f"runs: expected {count} whole numbers from 0 to {most - 1}, got {runs!r}; "
+                "`episodes` of make says how many there are"
+            )
+        return runs
+
+    # Steps.
+
+    def step(self, actions: Any) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Move every environment by a control period.
+
+        Actions are clipped to `clip` of `commands`, as those of a network are.
+        """
+        action = self._checked(actions)
+        plant = self.plant
+        plant.act(action)
+        self.reward.after_instant()
+        plant.advance()
+        failed = plant.failed
+        reward = np.where(failed, self._rewards, self.reward(action, self._last))
+        terminated = failed.copy()
+        if self._terminated:
+            terminated |= self._terminated(action, self._last) != 0
+        self._last[:] = action
+        truncated = (plant.tick >= self._horizon) & ~terminated
+        self._rewards[:] = reward
+        if terminated.any():
+            reward = np.where(terminated, self._at_end(reward), reward)
+        now = plant.observe()
+        np.copyto(self._observed, now, where=~failed[:, None])
+        self._ended = terminated | truncated
+        info = {}
+        if self._ended.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
+            info = self._followed(np.flatnonzero(self._ended), failed)
+        return self._observations(), reward, terminated, truncated, info | self._info()
+
+    def _checked(self, actions: Any) -> Array:
+        """Return actions as floats, within their limits."""
+        if not self._started:
+            raise EqtError("step: call reset() first")
+        if self._ended.any():
+            raise EqtError(
+                f"step: environment {int(np.flatnonzero(self._ended)[0])} has ended; begin it anew "
+                "by reset(options={'reset_mask': terminated | truncated})"
+            )
+        action = np.array(actions, dtype=float)
+        if action.shape != self._last.shape:
+            raise EqtError(
+                f"step: expected actions of shape {self._last.shape}, got {action.shape}"
+            )
+        if not np.isfinite(action).all():
+            place = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+            raise EqtError(
+                f"step: the action of environment {place} is not finite: {action[place]}"
+            )
+        return action if self._limit is None else np.clip(action, -self._limit, self._limit)
+
+    def _at_end(self, reward: Array) -> Array:
+        """Return the rewards of steps that terminate an episode."""
+        if self._penalty is not None:
+            return reward - self._penalty
+        return reward + np.minimum(reward, 0.0) * (self._horizon - self.plant.tick)
+
+    def _followed(self, ended: Array, failed: Array) -> dict[str, Any]:
+        """Begin the next episodes; return what is known of the last ones."""
+        last: Any = np.full(self.num_envs, None, dtype=object)
+        rows = self._observed[ended].astype(self.single_observation_space.dtype)
+        for place, row in zip(ended.tolist(), rows, strict=True):
+            last[place] = row
+        mask = self._ended.copy()
+        about = self._info() | {"failed": failed, "_failed": mask}
+        self._begin(ended, None)
+        self._observed[ended] = self.plant.observe(ended)
+        return {"final_obs": last, "_final_obs": mask, "final_info": about, "_final_info": mask}
+
+    def _observations(self) -> Array:
+        return self._observed.astype(self.single_observation_space.dtype)
+
+    def _info(self) -> dict[str, Any]:
+        info: dict[str, Any] = {"run": self.runs.copy(), "_run": np.ones(self.num_envs, bool)}
+        if self._privileged:
+            info["privileged"] = {name: self.exactly(name) for name in self._privileged}
+        return info
+
+    # What a critic may be told, and a policy may not.
+
+    @cached_property
+    def _numbers(self) -> dict[str, slice]:
+        """Columns of the parameters that differ from run to run, by their places."""
+        numbers, at = dict[str, slice](), 0
+        rows = self._episodes.parameters
+        for path, values in leaves(self.plant.loop).items():
+            if (rows[:, at : at + values.size] != rows[0, at : at + values.size]).any():
+                numbers[path.removeprefix("vehicle.")] = slice(at, at + values.size)
+            at += values.size
+        return numbers
+
+    @property
+    def offered(self) -> list[str]:
+        """Names of exact signals and of drawn numbers."""
+        return [*existing(self.plant.loop), *self._numbers]
+
+    def exactly(self, name: str) -> Array:
+        """Return a signal or drawn numbers of each environment now, by a name that is `offered`."""
+        if name in self._numbers:
+            return self.plant.parameters[:, self._numbers[name]].copy()
+        if name not in self._signals:
+            self._signals[name] = signal_program(self.plant, name, "privileged")
+        return self.plant.evaluate(*self._signals[name])[name]
+
+    # The way to the verdict.
+
+    def of_runs(self, episodes: Episodes) -> Environment:
+        """Return environments for episodes of the same loop, with 64-bit observations."""
+        return Environment(
+            self.study,
+            self.label,
+            len(episodes.states),
+            episodes,
+            reward=self._reward,
+            mode=AutoresetMode.DISABLED,
+            dtype=np.float64,
+        )
+
+    @property
+    def training(self) -> dict[str, Any]:
+        """What a file records of the training: experiment, seed, reward, ends of episodes."""
+        config = self.study.base.config
+        return {
+            "experiment": config.name,
+            "seed": self.training_seed,
+            "reward": self.reward.text,
+            "terminated": self.terminated_text,
+            "period": self.plant.period,
+            "version": __version__,
+        }
+
+    def record(self, path: str | os.PathLike[str]) -> dict[str, Any]:
+        """Write what a policy was trained for into the metadata of its ONNX file, and return it.
+
+        `eqt compare` then refuses to judge the policy by the runs of its training.
+        """
+        return policy.record(self, Path(path))
+
+    def check(
+        self,
+        path: str | os.PathLike[str],
+        function: Callable[[Array], Any] | None = None,
+        *,
+        runs: int = 20,
+    ) -> float:
+        """Assert that `eqt run` flies the policy of a file as this environment does.
+
+        Parameters
+        ----------
+        path
+            The exported network.
+        function
+            The policy as it was trained, from observations ``(runs, n)``, 32 bits, to actions. Its
+            actions are compared with those of the file.
+
+        Returns
+        -------
+        float
+            The largest difference of poses, relative where they are above 1.
+
+        Raises
+        ------
+        EqtError
+            If they differ, if the function differs from the file, or if the file does not fit.
+        """
+        _whole(runs, "runs")
+        return policy.check(self, Path(path), function, runs)
+
+
+FIRST_END, START, ERRORS = range(3)
+"""What is drawn of an episode."""
+
+
+def _hashed(seed: np.uint64, which: Array, count: Any, salt: int) -> Array:
+    """Return 64 bits for each environment, by SplitMix64: they depend on no other environment."""
+    word = np.full(len(which), seed, np.uint64)
+    for part in (np.asarray(which, np.uint64), np.asarray(count, np.uint64), np.uint64(salt)):
+        word = (word ^ part) + np.uint64(0x9E3779B97F4A7C15)
+        word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        word ^= word >> np.uint64(31)
+    return word

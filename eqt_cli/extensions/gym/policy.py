@@ -1,0 +1,141 @@
+"""A trained policy: is it flown as it was trained? And what its file says of its training."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
+from eqt_cli.config.study import Study, study
+from eqt_cli.engines.engine import Problem
+from eqt_cli.extensions.gym.plant import Episodes
+from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
+from eqt_cli.runs.batches import batches
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.gym.environment import Environment
+
+APART = 1e-9
+"""Most by which poses of the environment and of `eqt run` may differ, relative above 1. Both are
+moved by the same programs, so that 1e-11 was not exceeded; a wrong tick or number is 1e-4."""
+
+AGREES = 1e-4
+"""Most by which a function and its exported network may differ, relative above 1: of 32 bits."""
+
+
+def with_file(environment: Environment, path: Path, runs: int) -> Study:
+    """Return the experiment of an environment with a network from a file, as `eqt run` flies it."""
+    document = environment.study.document
+    (law,) = document.data["controllers"]
+    files = {name: text for name, text in document.home.files.items() if name != law["file"]}
+    data = document.data | {"controllers": [law | {"file": str(path.resolve())}]}
+    data["ensemble"] = (data.get("ensemble") or {}) | {"runs": runs}
+    return study(replace(document, data=data, home=replace(document.home, files=files)))
+
+
+def flown(experiment: Study, label: str, runs: int) -> tuple[Array, Problem]:
+    """Return the states of the first runs at all instants, as `eqt run` solves them."""
+    (batch,) = batches(experiment, label, np.arange(runs))
+    starts = [span.start for span in batch.problem.spans if span.tick is not None]
+    problem = replace(batch.problem, times=np.array([*starts, batch.problem.times[-1]]))
+    return batch.engine.solve(problem).states, problem
+
+
+def commands_of(law: Network) -> Callable[[Array], Array]:
+    """Return the network of a law in C, as a function of observations, which keeps its memory."""
+    function = function_of(bare_source(emitted(law.text, law.file, law._pairs)))
+    start, memory = np.array(law.network.initial), list[Array]()
+
+    def commands(observations: Array) -> Array:
+        if not memory:
+            memory.append(np.tile(start, (len(observations), 1)))
+        outputs = np.empty((len(observations), law.network.commands))
+        call(function, memory[0], np.ascontiguousarray(observations), outputs)
+        return outputs
+
+    return commands
+
+
+def check(
+    environment: Environment, path: Path, policy: Callable[[Array], Any] | None, runs: int
+) -> float:
+    """Return the largest difference of poses; see `Environment.check`."""
+    judged, label = with_file(environment, path, runs), environment.label
+    expected, problem = flown(judged, label, runs)
+    law = judged.base.loops[label].controller
+    assert isinstance(law, Network)
+    commands, same = commands_of(law), environment.of_runs(Episodes(problem))
+    same.plant.first_command = None  # the starts of eqt run know the first command
+    observed, apart = same.reset(options={"runs": np.arange(runs)})[0], 0.0
+    poses = problem.loop.layout.slices["pose"]
+    for k in range(same.plant.ticks):
+        actions = commands(observed)
+        if policy is not None:
+            _compare(path, policy, observed, actions)
+        observed = same.step(actions)[0]
+        ours, theirs = (x[..., poses] for x in (same.plant.states, expected[:, k + 1]))
+        scale = np.maximum(1.0, np.abs(theirs))
+        there = np.isfinite(theirs).all(axis=1)
+        apart = max(apart, float((np.abs(ours - theirs) / scale)[there].max(initial=0.0)))
+        if not apart < APART:
+            t = problem.times[k + 1]
+            raise EqtError(
+                f"{path}: at {t:g} s, poses of the environment and of eqt run differ by "
+                f"{apart:.2g}, and {APART:g} is allowed; please report this with the configuration"
+            )
+        if same.plant.failed.all():
+            break
+    return apart
+
+
+def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expected: Array) -> None:
+    """Refuse a function whose actions are not those of the file."""
+    actions = np.asarray(policy(observed.astype(np.float32)), dtype=float)
+    if actions.shape != expected.shape:
+        raise EqtError(
+            f"policy: expected actions of shape {expected.shape} for observations of shape "
+            f"{observed.shape}, got {actions.shape}"
+        )
+    apart = np.abs(actions - expected) / np.maximum(1.0, np.abs(expected))
+    if not apart.max() < AGREES:
+        run, k = np.unravel_index(int(np.nanargmax(apart)), apart.shape)
+        raise EqtError(
+            f"{path}: its output {k} is {expected[run, k]:.6g} where the policy gives "
+            f"{actions[run, k]:.6g}; export the whole policy, with its normalisation and its last "
+            "function"
+        )
+
+
+# What the file of a policy says of its training ---------------------------------------------------
+
+
+TRAINED = "eqt_trained"
+"""Key of the metadata of an ONNX file."""
+
+
+def record(environment: Environment, path: Path) -> dict[str, Any]:
+    """Write into an ONNX file what its policy was trained for; see `Environment.record`."""
+    try:
+        import onnx
+    except ImportError:
+        raise EqtError(
+            "the metadata of ONNX needs onnx, which is not installed; pip install '.[network]'"
+        ) from None
+    try:
+        model = onnx.load(path, load_external_data=False)
+    except Exception as error:
+        raise EqtError(f"{path}: cannot be read as ONNX: {error}") from error
+    about = environment.training
+    others = [entry for entry in model.metadata_props if entry.key != TRAINED]
+    del model.metadata_props[:]
+    model.metadata_props.extend(others)
+    entry = model.metadata_props.add()
+    entry.key, entry.value = TRAINED, json.dumps(about)
+    path.write_bytes(model.SerializeToString())
+    return about

@@ -1,0 +1,235 @@
+"""An experiment as a vector environment: bits of runs, Gymnasium's rules, rewards, slips."""
+
+import numpy as np
+import pytest
+from policies import POLICY, attitude
+from said import error_of, says
+
+import eqt_cli
+from eqt_cli.engines.engine import hurried
+
+gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gym")
+
+
+def make(**options):
+    config = options.pop("config", None) or attitude()
+    return eqt_cli.gym.make(config, **{"num_envs": 5, "episodes": 8, **options})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _little():
+    """Compile fast: no test takes many steps."""
+    with hurried():
+        yield
+
+
+@pytest.fixture(scope="module")
+def env():
+    return make()
+
+
+def policy(observations):
+    """Some smooth function, within the limits and beyond."""
+    k = np.arange(1, observations.shape[1] + 1)
+    return np.stack([1.5 * np.sin(observations @ (k + j)) for j in range(3)], axis=-1)
+
+
+def flown(env, steps, **options):
+    """Observations and rewards of some steps under the policy."""
+    observed, rows = env.reset(**options)[0], []
+    for _ in range(steps):
+        observed, reward, *_ = env.step(policy(observed))
+        rows.append(np.column_stack([observed, reward]))
+    return np.array(rows)
+
+
+def test_a_run_has_the_same_bits_in_any_company(env):
+    """Its episodes too, of which the fourth begins while others are under way."""
+    many, few = make(num_envs=9, seed=4), make(num_envs=2, seed=4)
+    together, alone = (flown(each, 50, seed=3) for each in (many, few))
+    assert (together[:, :2] == alone).all()
+    observed = many.reset(seed=3)[0]
+    for k in range(30):  # the first environment is set back twice
+        if k in (7, 12):
+            runs = {"reset_mask": np.arange(9) == 0, "runs": np.array([5])}
+            observed = many.reset(options=runs)[0]
+        observed = many.step(policy(observed))[0]
+    late = observed[0]
+    observed = few.reset(options={"runs": np.array([5, 1])})[0]
+    for _ in range(18):
+        observed = few.step(policy(observed))[0]
+    assert (late == observed[0]).all()
+
+
+def test_rewards_are_minus_the_metric_of_a_run(env, tmp_path):
+    """By a plain program from the trajectory: trapezoids between instants."""
+    env.reset(options={"runs": np.arange(5)})
+    errors, rewards = [env.exactly("pose_error")], []
+    for _ in range(env.plant.ticks - 1):
+        rewards.append(env.step(np.zeros((5, 3)))[1])
+        errors.append(env.exactly("pose_error"))
+    means = (np.array(errors)[1:] + np.array(errors)[:-1]) / 2
+    assert -np.array(rewards) == pytest.approx(means, rel=1e-12)  # rounding
+
+
+def test_an_episode_is_followed_by_the_next_one_in_the_same_step(env):
+    first = env.reset(seed=1)[0]
+    for _ in range(env.plant.ticks - 1):
+        *_, terminated, truncated, info = env.step(np.zeros((5, 3)))
+        assert not (terminated | truncated).any()
+        assert "final_obs" not in info
+    observed, _, terminated, truncated, info = env.step(np.zeros((5, 3)))
+    assert truncated.all()
+    assert not terminated.any()
+    assert (env.plant.tick == 0).all()
+    assert all((last != now).any() for last, now in zip(info["final_obs"], observed, strict=True))
+    assert info["_final_obs"].all()
+    assert (env.reset(seed=1)[0] == first).all()
+    assert (env.reset(seed=2)[0] != first).any()
+
+
+def test_without_autoreset_the_caller_begins_episodes_anew():
+    env = make(autoreset="disabled", terminated=lambda x: x.t > 0.1 * (x.pose_error > 0))
+    assert env.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.DISABLED
+    env.reset(seed=0)
+    for _ in range(11):
+        *_, terminated, _, _ = env.step(np.zeros((5, 3)))
+    assert terminated.all()
+    said = error_of(env.step, np.zeros((5, 3)))
+    assert says(said, "step: environment 0 has ended…reset(options={'reset_mask': …")
+    env.reset(options={"reset_mask": np.arange(5) < 4})
+    assert "environment 4 has ended" in error_of(env.step, np.zeros((5, 3)))
+    env.reset(options={"reset_mask": np.arange(5) == 4})
+    env.step(np.zeros((5, 3)))
+
+
+def test_it_is_an_environment_of_gymnasium(env):
+    """What `check_env` asks of a single one, of all together."""
+    assert isinstance(env, gymnasium.vector.VectorEnv)
+    observed, info = env.reset(seed=0)
+    assert env.observation_space.contains(observed)
+    assert env.single_observation_space.shape == (15,)
+    assert isinstance(info, dict)
+    env.action_space.seed(0)
+    action = env.action_space.sample()
+    before = action.copy()
+    given = env.step(action)
+    assert env.observation_space.contains(given[0])
+    assert (action == before).all()
+    for values, kind in zip(given[1:4], (float, bool, bool), strict=True):
+        assert values.shape == (5,)
+        assert values.dtype == kind
+    again = [env.reset(seed=0)[0], *env.step(action)[:4]]
+    for one, other in zip(again, [observed, *given[:4]], strict=True):
+        assert (one == other).all()
+        assert not np.shares_memory(one, other)
+    wrapped = gymnasium.wrappers.vector.RecordEpisodeStatistics(env)
+    wrapped.reset(seed=0)
+    for _ in range(env.plant.ticks):
+        *_, info = wrapped.step(np.zeros((5, 3)))
+    assert (info["episode"]["l"] == env.plant.ticks).all()
+
+
+@pytest.mark.ci("compiles a reward")
+def test_functions_of_signals_are_compiled_where_they_can_be():
+    compiled = make(reward=lambda x: -x.pose_error - (x.action * x.last_action).sum(axis=-1))
+    assert compiled.reward.function.is_compiled
+    plain = make(reward=lambda x: np.exp(-x.pose_error) + x.t)
+    assert not plain.reward.function.is_compiled
+    for env in (compiled, plain):
+        env.reset(options={"runs": np.arange(5)})
+    first, second = np.full((5, 3), 0.1), np.full((5, 3), 2.0)  # the latter beyond the limit of 1
+    compiled.step(first), plain.step(first)
+    rewards = compiled.step(second)[1], plain.step(second)[1]
+    error = plain.exactly("pose_error")
+    assert rewards[0] == pytest.approx(-error - 0.3, rel=1e-12)
+    assert rewards[1] == pytest.approx(np.exp(-error) + 0.02, rel=1e-12)
+
+
+@pytest.mark.ci("loads two experiments")
+def test_what_is_privileged_is_exact_and_asked_for():
+    env = make(privileged=["velocity", "inertia.matrix"])
+    _, info = env.reset(options={"runs": np.arange(5)})
+    drawn = info["privileged"]["inertia.matrix"]
+    assert (drawn[:, 0] > 0.015).all()
+    assert len({*drawn[:, 0]}) == 5
+    assert info["privileged"]["velocity"].shape == (5, 3)
+    assert "privileged" not in make().reset()[1]
+
+
+SLIPS = {
+    "no network": (
+        {"config": attitude(controllers=["eqt"])},
+        "config: controllers: expected a law of kind: network…docs/howto/train.md…",
+    ),
+    "two networks": (
+        {"config": attitude(controllers=[POLICY, POLICY | {"label": "other"}])},
+        "config: has 2 networks: policy, other; choose one by `controller`",
+    ),
+    "another label": (
+        {"controller": "polcy"},
+        "controller: expected one of policy, got 'polcy'…policy…",
+    ),
+    "no period": (
+        {"config": attitude(control=None, sensors=None)},
+        "controllers[0]: answers at control instants only; set control.period…",
+    ),
+    "a sweep": (
+        {"config": attitude(sweep={"gains.kp": [1, 2]})},
+        "config: has a sweep…one experiment…",
+    ),
+    "another engine": (
+        {"config": attitude(solver={"engine": "solve_ivp"})},
+        "config: solver.engine: solve_ivp…leave it out, or write native",
+    ),
+    "several rates": (
+        {"config": attitude(control={"period": "10 ms", "delay": "5 ms"})},
+        "config: control: …one rate…",
+    ),
+    "an estimator": (
+        {"config": attitude(estimator={"kind": "invariant", "velocity_std": 0.1})},
+        "config: estimator: …leave the estimator out…",
+    ),
+    "no environments": ({"num_envs": 0}, "num_envs: expected a whole number from 1, got 0"),
+    "the judge's seed": ({"seed": 1}, "seed: 1 is ensemble.seed, …train by another one…"),
+    "a mode": ({"autoreset": "next_step"}, "autoreset: expected 'same_step' or 'disabled'…"),
+    "a metric": (
+        {"reward": "mean_pose_eror"},
+        "reward: mean_pose_eror: unknown metric…mean_pose_error…lambda x: -x.pose_error",
+    ),
+    "no sum": ({"reward": "final_pose_error"}, "reward: final_pose_error: is no mean…"),
+    "a signal": (
+        {"reward": lambda x: -x.pose_eror},
+        "reward: this loop has no signal 'pose_eror'…pose_error…",
+    ),
+    "a shape": (
+        {"reward": lambda x: -np.abs(x.velocity)},
+        "reward: expected a number for each run, of shape (5,), got …(5, 3)",
+    ),
+    "a privilege": ({"privileged": ["mass"]}, "privileged: unknown name 'mass'…pose, velocity…"),
+}
+
+
+@pytest.mark.ci("loads an experiment for each")
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_slip_is_answered_with_a_sentence(slip):
+    options, sentence = SLIPS[slip]
+    said = error_of(make, **options)
+    assert says(said, sentence), said
+
+
+def test_slips_of_steps_are_answered_with_a_sentence(env):
+    fresh = make()
+    assert says(error_of(fresh.step, np.zeros((5, 3))), "step: call reset() first")
+    env.reset(seed=0)
+    assert says(error_of(env.step, np.zeros(3)), "step: expected actions of shape (5, 3), got (3,)")
+    wrong = np.zeros((5, 3))
+    wrong[2, 1] = np.nan
+    assert says(error_of(env.step, wrong), "step: the action of environment 2 is not finite: …")
+    for options, sentence in {
+        "reset_mask": "reset_mask: expected 5 booleans…int64 of shape (3,)",
+        "runs": "runs: expected 5 whole numbers from 0 to 7, got …",
+        "rows": "options: unknown 'rows'; known: reset_mask, runs",
+    }.items():
+        said = error_of(env.reset, options={options: np.arange(3) + 7})
+        assert says(said.replace("\n", " "), sentence), said
