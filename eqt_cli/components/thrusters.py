@@ -324,7 +324,7 @@ class Thrusters(Solving, Running):
         """What the command is: a torque, or thrusts behind one."""
         return THRUSTS if self.direct else "torque"
 
-    def commanded(self, G: MatrixLieGroup, directions: Array, direct: bool) -> Self:
+    def for_law(self, G: MatrixLieGroup, directions: Array, direct: bool) -> Self:
         """Return the thrusters of a law that commands torques in some directions, or thrusts.
 
         These are the same for a law in whose directions alone they push.

@@ -698,7 +698,7 @@ def with_model(
             sections.check_inner(flown, here.at(INNER), problems.at(ACTUATORS))
         of_law = of_law._replace(follows=dict.fromkeys(entry.followed, gains[label]))
         laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
-        vehicles[label] = flown = commanded(laws[label].law, G, flown, here, problems)
+        vehicles[label] = flown = with_thrusters_for(laws[label].law, G, flown, here, problems)
         if flown is not of_law.vehicle and not problems:  # what its limits leave depends on that
             of_law = of_law._replace(actuators=_known(G, flown), vehicle=flown)
             laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
@@ -743,28 +743,32 @@ def _known(G: MatrixLieGroup, vehicle: Vehicle) -> tuple[Any, ...]:
     return tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators)
 
 
-def commanded(
+def with_thrusters_for(
     law: Controller, G: MatrixLieGroup, vehicle: Vehicle, at_law: Problems, problems: Problems
 ) -> Vehicle:
-    """Return the vehicle whose thrusters are allocated, or commanded, as a law asks for it."""
+    """Return the vehicle with thrusters that know what a law commands: a torque, or their thrusts.
+
+    The directions of a torque, or a push, decide how it is allocated to them.
+    """
     if problems:
         return vehicle
     base, directions = vehicle.configured or vehicle, law.directions(G)
-    direct, actuators = law.commands == THRUSTS, list[Any](base.actuators)
+    is_direct, actuators = law.commands == THRUSTS, list[Any](base.actuators)
     for index, part in enumerate(actuators):
         if THRUSTER not in part.members:
             continue
-        actuators[index] = part = part.commanded(G, directions, direct)
+        actuators[index] = thrusters = part.for_law(G, directions, is_direct)
         here = problems.at(ACTUATORS, index - base.inner)
-        part.check_order(G, here.at("allocation", "order"))
-        if direct and base.inner:
+        thrusters.check_order(G, here.at("allocation", "order"))
+        if is_direct and base.inner:
             at_law.at(INNER).add("the law commands thrusts, which pass no blocks; remove this key")
-        elif direct and index:
+        elif is_direct and index:
             here.add(
                 "a law commands their thrusts, which pass no other actuator before them; list them "
                 "first"
             )
-    if all(map(is_, actuators, base.actuators)):
+    is_same = all(map(is_, actuators, base.actuators))
+    if is_same:
         return vehicle
     return replace(base, actuators=tuple(actuators)).of_run(G)
 

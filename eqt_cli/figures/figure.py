@@ -248,15 +248,16 @@ class ShownRuns(ShownControllers):
         suffixes = [f"_{part}" for part in first.parts(NORMS[0])]
         return [end for end in suffixes if all(first.has(norm + end) for norm in NORMS)] or [""]
 
-    def in_space(self, signal: str) -> str:
-        """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n).
+    def drawn_signal(self, error: str) -> str:
+        """Return the signal that is drawn for an error, which a reader knows better.
 
-        Of `task: point`, the pointing error.
+        On SE(n), it is the attitude angle for ‖I − R_E‖ and ‖p − p_d‖ for ‖p_E‖; of `task: point`,
+        the pointing error.
         """
-        plain, first = _IN_SPACE.get(signal, ""), self.results[0]
-        if first.has("pointing_error") and signal.removesuffix("_rotation") == "pose_error":
+        plain, first = _IN_SPACE.get(error, ""), self.results[0]
+        if first.has("pointing_error") and error.removesuffix("_rotation") == "pose_error":
             return "pointing_error"
-        return plain if plain and first.has("position_error") and first.has(plain) else signal
+        return plain if plain and first.has("position_error") and first.has(plain) else error
 
     @cached_property
     def group(self) -> MatrixLieGroup | None:

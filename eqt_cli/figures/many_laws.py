@@ -51,7 +51,7 @@ def draw_laws(
         Logarithmic scale. Default: for errors whose medians span more than a decade.
     """
     signals = [
-        signal + part if signal else runs.in_space(f"pose_error{part}") for part in runs.parts
+        signal + part if signal else runs.drawn_signal(f"pose_error{part}") for part in runs.parts
     ]
     drawn = {name: _values(runs, name, degrees) for name in signals}
     is_torque = signal == "torque_norm"

@@ -91,7 +91,7 @@ class RunsFigure(OverTime):
         drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
             column = [panels[f"runs of {e.label}{part}"] for e in shown]
-            signal = self.signal + part if self.signal else runs.in_space(f"pose_error{part}")
+            signal = self.signal + part if self.signal else runs.drawn_signal(f"pose_error{part}")
             layout.share_scale(column)
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
@@ -130,7 +130,9 @@ class RunsFigure(OverTime):
         signal = f"estimate_error{part}"
         if self.signal not in ("", "pose_error") or not ensemble.results.has(signal):
             return False
-        angle = self.degrees or (not self.signal and runs.in_space(f"pose_error{part}") in _WHOLE)
+        angle = self.degrees or (
+            not self.signal and runs.drawn_signal(f"pose_error{part}") in _WHOLE
+        )
         error = runs.errors(signal, ensemble, degrees=angle).mean(axis=0)
         shade: dict[str, Any] = {"facecolor": ink(_SHADE), "linewidth": 0, "zorder": 0}
         axes.fill_between(runs.times(ensemble), 0.0 * error, error, label="estimate", **shade)

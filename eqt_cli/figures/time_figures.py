@@ -129,7 +129,9 @@ class Summary(Panelled, OverTime):
 
     def _draw(self, runs: ShownRuns, width: Width, norms: list[str], degrees: bool) -> Drawing:
         parts = runs.parts
-        rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
+        rows = [
+            [runs.drawn_signal(norm + end) for end in parts] for norm in norms if norm != _FUNCTION
+        ]
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
         else:

@@ -69,7 +69,7 @@ def test_a_push_along_an_axis_and_torques_are_met_wherever_some_thrusts_do(name,
     W = np.zeros((4, 6))
     W[:3, :3], W[3, 3:] = np.eye(3), push / np.linalg.norm(push)
     part = Thrusters(thrusters=vehicle, low=0.0, high=HIGH, allocation=allocation)
-    flown, tried = part.commanded(SE3, W, False).of_run(SE3, None), 0
+    flown, tried = part.for_law(SE3, W, False).of_run(SE3, None), 0
     for _ in range(12):
         command = random.normal(size=4) * [0.6, 0.6, 0.2, 3.0] + [0, 0, 0, WEIGHT]
         limits = [(0.0, HIGH)] * k
@@ -104,7 +104,7 @@ def test_the_word_force_is_the_push_of_the_law():
     part = Thrusters(thrusters=leaning(), low=0.0, high=HIGH, allocation=order)
     W = np.zeros((4, 6))
     W[:3, :3], W[3, 3:] = np.eye(3), [0.6, 0.0, 0.8]
-    flown = part.commanded(SE3, W, False)
+    flown = part.for_law(SE3, W, False)
     assert flown.asked_rows(SE3, flown.columns(SE3))[1][3] == "force"
 
 
@@ -228,7 +228,7 @@ def test_commanded_thrusts_are_flown_within_the_limits(count, allocation):
     """Not what B⁺ makes of their torque, which has no part along the null space of B."""
     vehicle = rotors(count)
     part = Thrusters(thrusters=vehicle, low=0.0, high=HIGH, allocation=allocation)
-    flown = part.commanded(SE3, np.eye(6)[:0], True).of_run(SE3, None)
+    flown = part.for_law(SE3, np.eye(6)[:0], True).of_run(SE3, None)
     thrusts = np.linspace(-1.0, 10.0, count)
     command = np.concatenate([np.zeros(6), thrusts])
     x = flown.solution(SE3, command) if flown.sampled else np.empty(0)

@@ -473,7 +473,9 @@ class PoseFigure(OverTime):
         units = {part.name: "deg" if part.turns else part.pose_unit for part in parts}
         shown_in = {name: runs.results[0].shown_in("", unit) for name, unit in units.items()}
         ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
-        errors = {x: runs.in_space(f"pose_error{y}") for x, y in ends.items() if y in runs.parts}
+        errors = {
+            x: runs.drawn_signal(f"pose_error{y}") for x, y in ends.items() if y in runs.parts
+        }
         drawn = {
             name: {e.label: runs.errors(x, e, degrees=True, run=self.run) for e in runs.shown}
             for name, x in errors.items()

@@ -120,7 +120,8 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         )
     ends = [f"_{part.name}" for part in (turning, moving) if part is not None]
     ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
-    norms = [source.in_space(norm + end) for norm in ("pose_error", "torque_norm") for end in ends]
+    errors = [source.drawn_signal(f"pose_error{end}") for end in ends]
+    torques = [f"torque_norm{end}" for end in ends]
     turned, frame = rotors(results), upright(results)
     return Motion(
         run=run,
@@ -132,7 +133,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         has_translation=moving is not None,
         thrusts=_thrusts(results, run, shown, turned, moving),
         rotors=turned,
-        norms={name: results.trajectory(name, run)[shown] for name in norms},
+        norms={name: results.trajectory(name, run)[shown] for name in (*errors, *torques)},
     )
 
 

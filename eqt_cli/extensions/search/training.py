@@ -154,7 +154,7 @@ def _answers(
     missing = {key: points for key, points in proposed.items() if key not in answers}
     reporter().skip(sum(map(len, answers.values())) * search.runs_at_a_point)
     if missing:
-        answers |= (added := _computed(search, missing, executor, tried=number > 0))
+        answers |= (added := _run(search, missing, executor, tried=number > 0))
         stored |= {_name(key): _written(answer) for key, answer in added.items()}
         with files.refusals(folder.path, "used", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -180,23 +180,28 @@ def _read(record: Any, points: Array) -> Tried | None:
     return Tried(**arrays | {"measured": arrays["measured"].reshape(len(points), -1)})
 
 
-def _computed(
+def _run(
     search: Sampled, proposed: Mapping[Training, Array], executor: Executor, *, tried: bool
 ) -> dict[Training, Tried]:
-    """Run all points of a batch in all cases, and return how good they are."""
-    runs = [
-        (key, study(search.on_sample(swept(case, columns(case, points)), key.sample)))
-        for key, points in proposed.items()
-        for case in search.in_cases(key.law).values()
-    ]
-    studies = [points for _, points in runs]
+    """Run the points of each training in every case of its law, and return how good they are.
+
+    All are computed together, a study for each training and case; `tried` is whether one was
+    computed before.
+    """
+    trainings, studies = [], []
+    for training, points in proposed.items():
+        for case in search.in_cases(training.law).values():
+            trainings.append(training)
+            sweep = swept(case, columns(case, points))
+            studies.append(study(search.on_sample(sweep, training.sample)))
+    cases: dict[Training, list[Numbers]] = {training: [] for training in proposed}
     numbers = computed(studies, search.scored_metrics, executor, tried=tried)
-    cases: dict[Training, list[Numbers]] = {key: [] for key in proposed}
-    for (key, _), of_case in zip(runs, numbers, strict=True):
-        cases[key].append(of_case)
+    for training, of_case in zip(trainings, numbers, strict=True):
+        cases[training].append(of_case)
     worst = search.section.over_cases == "worst"
     return {
-        key: _judged(search, points, cases[key], worst=worst) for key, points in proposed.items()
+        training: _judged(search, points, cases[training], worst=worst)
+        for training, points in proposed.items()
     }
 
 
