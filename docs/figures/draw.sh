@@ -188,6 +188,8 @@ sweep_lag() {
 	numbers settled
 	picture sweep_lag settled
 	picture winners winners
+	name=sweep_lag_pooled numbers pooled --option metric=effort --controller eqt --controller gt
+	picture pooled pooled --option metric=effort --controller eqt --controller gt
 }
 
 sweep_lqr() {
