@@ -99,7 +99,7 @@ NEEDED = {
     },
     "laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
-    "spacecraft": {"cubesat", "cubesat_orbit"},
+    "spacecraft": {"cubesat", "cubesat_orbit", "cubesat_sun"},
     "underactuated": {
         *"crazyflie planar_vtol quadrotor_gnss quadrotor_lee quadrotor_lee_upside_down".split(),
         *"quadrotor_recovery quadrotor_speeds".split(),

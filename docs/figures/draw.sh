@@ -211,7 +211,7 @@ satellite_wheels() {
 }
 
 keep_out() {
-	experiment keep_out examples/effects/keep_out.yaml --engine native
+	experiment keep_out configs/cubesat_sun.yaml --engine native
 	numbers keep_out
 	picture keep_out keep_out
 }
