@@ -146,6 +146,13 @@ def test_the_first_step_after_an_instant_follows_from_the_steps_before_it():
     assert errors(solution, exact(problem)).max() < 30 * 1e-6
 
 
+def test_each_span_counts_its_own_evaluations():
+    """Some 22 for each of three periods; 200 if those before counted again."""
+    vehicle = Vehicle(control=Sampling(period=0.1))
+    problem = paper_problem(runs=1, duration=0.3, samples=2, vehicle=vehicle)
+    assert SolveIvp(rtol=1e-6, atol=1e-9).solve(problem).steps[0] < 100
+
+
 # What a run's numbers depend on -------------------------------------------------------------------
 
 

@@ -152,6 +152,13 @@ def test_b_dot_is_that_of_a_plain_program(solved, engine):
     np.testing.assert_allclose(problem.loop.lyapunov(s)[0], energy, rtol=1e-7)
 
 
+def test_the_l_of_b_dot_is_the_energy_of_the_turn(experiment_of):
+    [loop] = experiment_of(TEXT).loops.values()
+    w = np.array([0.1, -0.2, 0.3])
+    state = loop.initial_state(np.eye(3), w, np.eye(3), np.zeros(3))
+    assert loop.lyapunov(loop.tracking(0.0, state)) == pytest.approx(w @ J @ w / 2, rel=1e-14)
+
+
 CONTINUOUS = TEXT.replace("control: {period: 0.5}\n", "").replace("samples: 41", "samples: 11")
 
 
