@@ -22,6 +22,7 @@ from eqt_cli.extensions.citations import *
 from eqt_cli.extensions.diff import *
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.gym import *
+from eqt_cli.extensions.live import *
 from eqt_cli.extensions.proofs import *
 from eqt_cli.extensions.recordings import *
 from eqt_cli.extensions.report import *

@@ -138,10 +138,15 @@ EQT_INLINE eqt_mask eqt_less(eqt_real a, eqt_real b) { return EQT_MASK(a < b); }
 EQT_INLINE eqt_mask eqt_equal(eqt_real a, eqt_real b) { return EQT_MASK(a == b); }
 EQT_INLINE eqt_mask eqt_any_bit(eqt_bits bits) { return EQT_MASK(bits != eqt_bits_constant(0)); }
 
-/* a b + c, rounded once: the one operation beside + - * / and the root that IEEE 754 fixes. */
+/* a b + c, rounded once: the one operation beside + - * / and the root that IEEE 754 fixes. WebAssembly
+   has it where "relaxed" instructions fuse; else it is rounded twice there, and whoever runs it says so. */
 EQT_INLINE eqt_real eqt_fma(eqt_real a, eqt_real b, eqt_real c)
 {
-#if EQT_LANES == 1
+#if defined(__wasm_relaxed_simd__) && EQT_LANES == 2
+    return (eqt_real)__builtin_wasm_relaxed_madd_f64x2(a, b, c);
+#elif defined(__wasm__)
+    return a * b + c;
+#elif EQT_LANES == 1
     return __builtin_fma(a, b, c);
 #elif EQT_LANES == 8 && defined(__AVX512F__) && !defined(__clang__)
     /* GCC makes two halves of the loop below. */

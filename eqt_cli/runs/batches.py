@@ -91,9 +91,8 @@ def _draws(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> list
     """Return the random numbers of runs with starts of one kind; all laws share them."""
     drawn = []
     for point, run in zip(points, runs, strict=True):
-        experiment = study.experiment(point)
-        seed = experiment.config.ensemble.seed
-        drawn.append(experiment.start.numbers(experiment.group, seed, run))
+        here = study.experiment(point)
+        drawn.append(here.start.numbers(here.group, here.config.ensemble.seed, run))
     return [*map(np.array, zip(*drawn, strict=True))]
 
 
@@ -140,8 +139,8 @@ def _placing(poses: PoseDistribution) -> Hashable:
     return repr(poses) if any(is_foreign(type(x).__module__) for x in factors) else structure(poses)
 
 
-def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict[str, Array]:
-    """Return what `InitialState` gives each run of a problem."""
+def starts_of(study: Study, points: Array, runs: Array) -> tuple[InitialState, Array]:
+    """Return what gives runs their start, and its row for each, ``(runs, 1, n)``."""
     distinct, which = np.unique(points, return_inverse=True)
     desired = [study.experiment(point).desired for point in distinct.tolist()]
     starts = np.array([[*each.pose.ravel(), *each.velocity] for each in desired])[which]
@@ -149,8 +148,13 @@ def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict
     poses = study.experiment(int(at[0])).start.poses
     numbers, errors = _draws(study, (*at.tolist(),), (*runs.tolist(),))
     rows = np.concatenate([starts, numbers.reshape(len(points), -1), errors], axis=1)[:, None]
+    return InitialState(poses, numbers.shape[1:], _placing(poses)), rows
+
+
+def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict[str, Array]:
+    """Return what `InitialState` gives each run of a problem."""
+    start, rows = starts_of(study, points, runs)
     engine, first = study.experiment(int(points[0])).engine, problem.times[:1]
-    start = InitialState(poses, numbers.shape[1:], _placing(poses))
     with hurried():
         values = evaluate(engine, start, replace(problem, times=first), rows)
     return {name: value[:, 0] for name, value in values.items()}
@@ -163,7 +167,7 @@ def batches_at(study: Study, label: str, points: Array, runs: Array) -> Iterator
         kinds.setdefault(kind_of(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
-        problem = _problem(study, label, points[rows], runs[rows], kind)
+        problem = problem_of(study, label, points[rows], runs[rows], kind)
         start = _started(study, problem, points[rows], runs[rows])
         problem = replace(problem, states=start["state"])
         yield Batch(rows, points[rows], study.experiment(members[0]), problem, kind, start)
@@ -173,15 +177,16 @@ def references(study: Study, points: Array) -> Iterator[Batch]:
     """Group the references of some points; all laws, and all runs of a point, have the same."""
     label = next(iter(study.base.loops))
     for batch in batches_at(study, label, points, np.zeros_like(points)):
-        problem = _problem(study, label, batch.points, None, batch.kind)
+        problem = problem_of(study, label, batch.points, None, batch.kind)
         system, parts = problem.loop, batch.problem.loop.layout.split(batch.problem.states)
         states = system.layout.join(parts, np.empty((problem.runs, system.state_length)))
         yield replace(batch, problem=replace(problem, states=states))
 
 
-def _problem(
+def problem_of(
     study: Study, label: str, points: Array, runs: Array | None, kind: Hashable
 ) -> Problem:
+    """Return runs of one controller and kind, without their states; of no runs, references."""
     distinct, which = np.unique(points, return_inverse=True)
     experiments = [study.experiment(int(point)) for point in distinct]
     loops = [experiment.loops[label] for experiment in experiments]

@@ -373,7 +373,7 @@ def _solve(
     share = 0.5 if solver.estimates_errors else 1.0
     returned = None if whole else (MOTION,)
     how = context.threads, lambda runs: context.progress(share * runs)
-    query = Query(*_functions(batch, names), [_in_rows(reference)], returned)
+    query = Query(*functions_of(batch, names), [_in_rows(reference)], returned)
     first = measure(engine, batch.problem, query, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
@@ -404,10 +404,9 @@ def measured(
     names
         Names of the signals and metrics to compute.
     """
-    function, reduction = _functions(batch, names)
-    states, times = solution.states, batch.problem.times
-    sampled = evaluate(batch.engine, function, batch.problem, states, _in_rows(reference))
-    return sampled | reduction(SampledRuns(times), sampled)
+    function, reduction = functions_of(batch, names)
+    sampled = evaluate(batch.engine, function, batch.problem, solution.states, _in_rows(reference))
+    return sampled | reduction(SampledRuns(batch.problem.times), sampled)
 
 
 def _in_rows(reference: Desired) -> Array:
@@ -416,7 +415,7 @@ def _in_rows(reference: Desired) -> Array:
     return np.concatenate([pose.reshape(*velocity.shape[:-1], -1), velocity], axis=-1)
 
 
-def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
+def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
     """Return the functions that measure a batch: at every sample, and per run."""
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
@@ -427,8 +426,8 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     none["signals"] = ("pose_error",)
     metrics = [replace(row, **none) if without & set(row.signals) else row for row in metrics]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
-    keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
-    values = {key: getattr(config, key) for key in sorted(keys)}
+    keys = sorted({key for m in metrics for key in (*m.settings.values(), *m.choices.values())})
+    values = {key: getattr(config, key) for key in keys}
     K = common_weight(problem.batched_loop(extra_axes=1).gains.K)
     balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
     held = holds(problem.loop.vehicle)
@@ -436,8 +435,8 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     wait = 0.0 if control is None else (control.delay + 2) * control.period
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
     formulas = ((type(each).__module__, repr(each)) for each in own_metrics)
-    windows = {metric.window for metric in metrics}
-    known = (K.tobytes(), balanced, first, *held.items(), *formulas, *sorted(map(repr, windows)))
+    windows = sorted({repr(metric.window) for metric in metrics})
+    known = (K.tobytes(), balanced, first, *held.items(), *formulas, *windows)
     key = tuple(m.name for m in metrics), tuple(values.items()), known
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
@@ -690,7 +689,7 @@ def _compile(study: Study, label: str) -> None:
         problem = replace(batch.problem, times=start.times)
         states, m = batch.engine.solve(problem).states, loop.group.dimension
         motion = np.zeros((1, 2, loop.group.size**2 + m))
-        evaluate(batch.engine, _functions(batch, wanted)[0], problem, states, motion[0])
+        evaluate(batch.engine, functions_of(batch, wanted)[0], problem, states, motion[0])
         if batch.experiment.solver.estimates_errors:
             evaluate(batch.engine, difference, problem, states, motion)
 

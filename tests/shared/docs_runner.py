@@ -153,6 +153,8 @@ def run_command(line, shows_digits=True):
         words += ["--set=tune.budget=6", "--set=tune.samples=1"]  # with which it may go on later
     elif words[:2] == ["eqt", "worst"] and shipped:
         words += [*SMALL, *FEWER, *SHORT]
+    elif words[:2] == ["eqt", "live"]:
+        words += SMALL if shipped else []
     elif words[:2] == ["eqt", "budget"]:
         words += ["--set=ensemble.runs=5", *COARSE]
     elif words[:2] == ["eqt", "run"] and mine:

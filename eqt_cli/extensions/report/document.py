@@ -46,17 +46,15 @@ _NUMBER = re.compile(r"\*?[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def page(template: str, styles: Sequence[str], script: str, **values: Any) -> str:
-    """Fill in a template, with its styles and its script in the page.
+def page(template: str | Path, styles: Sequence[str], script: str, **values: Any) -> str:
+    """Fill in a template, of the report or at a path, with its styles and its script in the page.
 
     HTML markup is escaped, and characters that no page can show, such as bidirectional controls.
     """
-    css, js = (
-        Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names))
-        for names in (styles, [script])
-    )
+    place = TEMPLATES / template
+    loader = FileSystemLoader([place.parent, TEMPLATES])
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -65,7 +63,13 @@ def page(template: str, styles: Sequence[str], script: str, **values: Any) -> st
     )
     environment.filters |= {"typeset": _typeset, "prose": _prose}
     environment.filters |= {"minus": _minus, "numeric": _numeric}
-    return environment.get_template(template).render(version=__version__, css=css, js=js, **values)
+    css, js = (
+        Markup("".join(loader.get_source(environment, name)[0] for name in names))
+        for names in (styles, [script])
+    )
+    return environment.get_template(place.name).render(
+        version=__version__, css=css, js=js, **values
+    )
 
 
 def _finalized(value: Any) -> Any:

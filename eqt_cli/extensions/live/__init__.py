@@ -1,0 +1,9 @@
+"""Experiments that run in a page: `eqt live`."""
+
+from eqt_cli.base.extensions import READ, Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    example = "configs/paper.yaml --key gains.kp=0.1:10 --out paper.html"
+    extension.add_command("live", "commands.live", READ, example, after="report")

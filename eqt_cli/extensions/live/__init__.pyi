@@ -1,0 +1,1 @@
+from eqt_cli.extensions.live.api import live as live

@@ -1,0 +1,289 @@
+"""The page: programs, numbers, sliders and what eqt found, in one file."""
+
+from __future__ import annotations
+
+import gzip
+import shlex
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.errors import EqtError, EqtWarning, parse_key
+from eqt_cli.base.reporting import reporter
+from eqt_cli.components.groups import MatrixLieGroup, moving_parts
+from eqt_cli.config.document import value_at
+from eqt_cli.config.study import Study
+from eqt_cli.engines.native import STEP_SHARE, Native
+from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
+from eqt_cli.extensions.live import sliders, wasm
+from eqt_cli.extensions.live.programs import DIVERGED, LiveLoop, numbers_of
+from eqt_cli.extensions.live.sliders import Effect, Slider
+from eqt_cli.extensions.report import summary
+from eqt_cli.extensions.report.document import page
+from eqt_cli.extensions.report.scenes import INERTIAL, motion, scene_of
+from eqt_cli.results.result import Result
+from eqt_cli.results.summary import compared_first
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+MOST_RUNS = 200
+"""Most runs of a page."""
+
+DRAWN_BYTES = 6 * 2**20
+"""Most memory for what is drawn for sensors, which no packing makes smaller."""
+
+MOST_DRAWN = 10
+"""Most runs of a page with such draws."""
+
+MOST_STEPS = 20_000
+"""Most steps of a run in a page, unless the configured runs take a tenth of it."""
+
+SIGNALS = ("velocity_error", "lyapunov")
+"""Signals that a page draws beside the errors of poses and torques, where all laws have them."""
+
+
+def runs_of(study: Study) -> int:
+    """Return how many runs of each law a page of an experiment has."""
+    loops, runs = study.base.loops.values(), min(MOST_RUNS, study.plan.runs)
+    for loop in loops:
+        if loop.vehicle.measures:
+            ticks = study.base.times[-1] / loop.period
+            drawn = 16 * ticks * loop.group.dimension
+            runs = min(runs, MOST_DRAWN, max(1, int(DRAWN_BYTES / drawn)))
+    return runs
+
+
+def live_page(
+    study: Study,
+    moved: Any,
+    result: Result,
+    keys: Mapping[str, str],
+    command: Sequence[str],
+    title: str = "",
+) -> str:
+    """Return the page of an experiment.
+
+    Parameters
+    ----------
+    moved
+        Returns the study with other values of keys, by key.
+    result
+        What eqt computed of the experiment, by the same engine or another one.
+    keys
+        Ranges of the sliders by key; the usual ones if empty.
+    command
+        The words of the command that runs the experiment in eqt.
+    title
+        Title of the page.
+
+    Raises
+    ------
+    EqtError
+        If the experiment cannot run in a page, or a key cannot be moved; it says why.
+    """
+    engine = study.base.engine
+    assert isinstance(engine, Native)
+    wasm.command()
+    runs = min(runs_of(study), len(result["status"][0]))
+    panels = _panels(result)
+    settles = [name for name in ("settled", "settling_time") if result.has(name)][:1]
+    shown = [*settles, *compared_first(result)]
+    with np.errstate(all="ignore"):
+        loops = {label: LiveLoop(study, label, panels, shown) for label in study.base.loops}
+        numbers = partial(_numbers, moved, loops, runs)
+        base = numbers_of(study, loops, runs)
+        rules = sliders.inverses(loops, base)
+        of_keys = _moving(study, keys, numbers, base, rules)
+        sliders.checked(of_keys, rules, numbers, base)
+    modules, tables = _modules(loops, base, of_keys)
+    tables |= base
+    tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
+    tables["status"] = np.array(result["status"][:, :runs], float)
+    steps = max(1, int(result["steps"][:, :runs].max()))
+    packed, index = _packed(tables)
+    data = {
+        "modules": modules,
+        "keys": [_key(slider, of_key) for slider, of_key in of_keys],
+        "inverses": [asdict(rule) for rule in rules],
+        "laws": summary.looks(result),
+        "columns": [
+            {**column, "counts": name in settles, **(_SETTLED if name in settles else {})}
+            for name, column in zip(shown, summary.columns(result, shown), strict=True)
+        ],
+        "panels": summary.columns(result, panels),
+        "numbers": packed,
+        "index": index,
+        "runs": runs,
+        "solver": {
+            "rtol": engine.rtol * STEP_SHARE,
+            "atol": engine.atol * STEP_SHARE,
+            "most_steps": min(engine.max_steps, max(MOST_STEPS, 10 * steps)),
+        },
+        "times": result.times.tolist(),
+        "command": shlex.join(command),
+        "scene": _scene(result, study.base.group),
+    }
+    return page(
+        TEMPLATES / "live.html.j2",
+        ["report.css", "live.css"],
+        "live.js",
+        title=title or summary.called(result),
+        group=result.group_name,
+        data=data,
+        digest=study.digest[:12],
+        worker=(TEMPLATES / "compute.js").read_text(encoding="utf-8"),
+        tables=_expected(tables, data),
+    )
+
+
+def _numbers(
+    moved: Any, loops: Mapping[str, LiveLoop], runs: int, setting: Mapping[str, float]
+) -> dict[str, Array]:
+    return numbers_of(moved(setting), loops, runs)
+
+
+def _panels(result: Result) -> list[str]:
+    names = []
+    for name in ("pose_error", "torque_norm"):
+        names += [name for name in result.in_parts(name) if result.has(name)]
+    return names + [name for name in SIGNALS if result.has(name)]
+
+
+def _moving(
+    study: Study,
+    keys: Mapping[str, str],
+    numbers: sliders.Numbers,
+    base: Arrays,
+    rules: list[sliders.Inverse],
+) -> list[tuple[Slider, list[Effect]]]:
+    """Return the sliders with what follows them; of the usual keys those that can be moved."""
+    data = study.document.data
+    usual = [] if keys else list(sliders.usual_keys(data))
+    made: list[tuple[Slider, list[Effect]]] = []
+    for key in keys or usual:
+        try:
+            slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key, ""))
+            of_key = sliders.effects(slider, numbers, base, rules)
+            sliders.disjoint(made, slider, of_key)
+            made.append((slider, of_key))
+        except EqtError as error:
+            if keys:
+                raise
+            reporter().remark(EqtWarning(f"no slider for {error}"))
+        if len(made) == sliders.MOST_KEYS and not keys:
+            break
+    return made
+
+
+def _modules(
+    loops: Mapping[str, LiveLoop], base: Arrays, of_keys: Sequence[tuple[Slider, list[Effect]]]
+) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """Return the programs of the page; laws share one where they differ in parameters only."""
+    groups: dict[Any, list[LiveLoop]] = {}
+    for label, live in loops.items():
+        held = [base[f"{label}/{name}"].tobytes() for name in sorted(_HELD)]
+        follow = [
+            (name, effect.at, effect.by, effect.table)
+            for name in sorted(_HELD)
+            for _, of_key in of_keys
+            for effect in of_key
+            if effect.array == f"{label}/{name}"
+        ]
+        groups.setdefault((live.identity, *held, repr(follow)), []).append(live)
+    modules: list[dict[str, Any]] = []
+    tables: dict[str, Array] = {}
+    for number, members in enumerate(groups.values()):
+        live = members[0]
+        source = live.source()
+        contents = {kind: wasm.compiled(source, kind == "fused") for kind in ("fused", "plain")}
+        modules.append(
+            {
+                "wasm": {kind: _base64(content) for kind, content in contents.items()},
+                "sizes": live.sizes,
+                "laws": [each.label for each in members],
+                "metrics": live.metrics,
+                "kept": live.places(),
+            }
+        )
+        tables |= {
+            f"module {number}/times": live.problem.times[:, None],
+            f"module {number}/columns": live.looked.columns,
+            f"module {number}/memory_before": live.looked.starts[:, None],
+            f"module {number}/spans": live.spans,
+        }
+    return modules, tables
+
+
+_SETTLED = {"name": "settled", "unit": "", "better": "higher"}
+_HELD = ("held", "held_at_samples", "held_at_start")
+
+
+def _packed(tables: Arrays) -> tuple[str, dict[str, tuple[int, int, int]]]:
+    """Return all numbers in one text, and where each table begins, its rows and their length."""
+    index, begin, pieces = {}, 0, []
+    for name, array in tables.items():
+        rows = len(array)
+        width = array.size // rows if rows else 0
+        index[name] = (begin, rows, width)
+        pieces.append(np.ascontiguousarray(array, dtype="<f8").ravel())
+        begin += array.size
+    return _base64(np.concatenate(pieces).tobytes()), index
+
+
+def _base64(content: bytes) -> str:
+    return b64encode(gzip.compress(content, 9, mtime=0)).decode("ascii")
+
+
+def _key(slider: Slider, of_key: list[Effect]) -> dict[str, Any]:
+    return {
+        "key": slider.key,
+        "values": slider.values,
+        "base": slider.values.index(slider.base),
+        "effects": [asdict(effect) for effect in of_key],
+    }
+
+
+def _expected(tables: Arrays, data: Mapping[str, Any]) -> list[list[str]]:
+    """Return the table of the configured runs as text, for readers without scripts."""
+    rows = []
+    for k, law in enumerate(data["laws"]):
+        good = tables["status"][k] == 0
+        numbers = tables["expected"][k][good]
+        rows.append([law["title"]])
+        for j, column in enumerate(data["columns"]):
+            values = numbers[:, j]
+            settled = np.isfinite(values) & (values != 0)
+            counted = f"{settled.sum()}/{len(values)}"
+            rows[-1].append(counted if column["counts"] else f"{values.mean():.4g}")
+    return rows
+
+
+def _scene(result: Result, group: MatrixLieGroup) -> dict[str, Any] | None:
+    """Return what the bodies are drawn with; None if there is no body to show."""
+    try:
+        scene = scene_of(motion(result, 0))
+    except EqtError:
+        return None
+    turning, moving = moving_parts(group)
+    places = np.arange(group.size**2).reshape(group.size, group.size)
+    return {
+        "rotation": [] if turning is None else places[turning.entries].tolist(),
+        "position": [] if moving is None else places[moving.entries][:, 0].tolist()[:3],
+        "frame": scene.motion.frame.tolist(),
+        "length": scene.length,
+        "centre": scene.centre.tolist(),
+        "reach": scene.reach,
+        "ground": np.round(scene.ground, 4).tolist(),
+        "inertial": [*zip(INERTIAL, scene.motion.frame.T.tolist(), strict=True)],
+        "view": [float(AZIMUTH), float(ELEVATION)],
+        "corners": CORNERS.tolist(),
+        "faces": [list(face) for face in FACES],
+        "rotors": [polygon.round(4).tolist() for polygon in discs(scene.motion.rotors)],
+        "diverged": DIVERGED,
+    }

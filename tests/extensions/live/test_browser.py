@@ -1,0 +1,167 @@
+"""Pages that compute, in headless Chromium, against runs by eqt."""
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_experiment import configuration
+
+from eqt_cli import api
+
+pytest.importorskip("selenium", reason="needs selenium")
+pytest.importorskip("ziglang", reason="needs ziglang, a compiler for WebAssembly")
+
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
+
+pytestmark = pytest.mark.ci("compiles a page and opens it in a browser")
+
+SOLVER = "{engine: native, rtol: 1.0e-8, cross_check: 0}"
+LATE = "{period: 50 ms, delay: 1}"
+NOISE = "{pose: [{kind: noise, std: 0.01}], velocity: [{kind: noise, std: [0.01, 0.02, 0.01]}]}"
+LIMITS = "[{kind: limit, limit: 1.5}, {kind: lag, time_constant: 0.1}]"
+KINDS = {
+    "continuous": {},
+    "several spans": {"reference": '{torque: ["where(t > 0.5, 1.5, 0.3)", "sin(t)", "0"]}'},
+    "sampled": {"control": LATE, "sensors": NOISE},
+    "limits": {"actuators": LIMITS},
+}
+KEYS = {"gains.kp": "0.5:3", "gains.kd": "0.2:2", "inertia[0]": "2:2.8"}
+
+
+def opened(browser, page, fragment="", query=""):
+    browser.get("about:blank")
+    browser.get(page.as_uri() + query + fragment)
+    return settled(browser)
+
+
+def settled(browser):
+    done = "return Boolean(window.eqtLive && eqtLive.done && eqtLive.shown)"
+    WebDriverWait(browser, 60).until(lambda page: page.execute_script(done))
+    return browser
+
+
+def text(page, selector):
+    return page.find_element(By.CSS_SELECTOR, selector).text
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    made, folder = {}, tmp_path_factory.mktemp("live")
+
+    def page_of(kind):
+        if kind not in made:
+            config = folder / f"{kind}.yaml"
+            config.write_text(configuration(solver=SOLVER, **KINDS[kind]), encoding="utf-8")
+            made[kind] = config, api.live(config, config.with_suffix(".html"), keys=KEYS)
+        return made[kind]
+
+    return page_of
+
+
+@pytest.fixture
+def page(browser, pages):
+    return opened(browser, pages("continuous")[1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_moved_sliders_give_the_bits_of_eqt(browser, pages, kind, tmp_path):
+    config, file = pages(kind)
+    page = opened(browser, file)
+    assert "All 18 configured numbers equal" in text(page, "#check")
+    setting = {"gains.kp": 1.6, "gains.kd": 1.2, "inertia[0]": 2.2}
+    page.execute_script(
+        "for (const [k, v] of Object.entries(arguments[0])) eqtLive.fields[k](v); eqtLive.moved()",
+        setting,
+    )
+    got = settled(page).execute_script(
+        "return [[...eqtLive.all], eqtLive.shown.kept.map((x) => [...x])]"
+    )
+    result = api.run(api.load_experiment(config, setting), tmp_path / "r")
+    names = [
+        column["metric"]
+        for column in json.loads(
+            page.execute_script("return document.getElementById('data').textContent")
+        )["columns"]
+    ]
+    numbers = np.array([np.inf if x is None else x for x in got[0]], float).reshape(2, 3, -1)
+    for place, name in enumerate(names):
+        expected = np.array(result[name])
+        assert (
+            np.where(np.isfinite(expected), expected, np.inf).tolist()
+            == numbers[..., place].tolist()
+        )
+    assert numbers[..., len(names) + 1].tolist() == np.array(result["steps"], float).tolist()
+    for law, kept in enumerate(got[1]):
+        samples = np.array(kept).reshape(11, -1)
+        assert samples[:, :9].tolist() == np.array(result["pose"])[law, 0].reshape(11, 9).tolist()
+
+
+def test_without_fused_multiply_add_the_page_says_by_how_much_it_differs(browser, pages):
+    page = opened(browser, pages("continuous")[1], query="?fused=no")
+    said = text(page, "#check")
+    assert "rounds a·b + c twice" in said and "largest relative difference is" in said
+    assert float(said.split("difference is ")[1].split(" ")[0].rstrip(".")) < 1e-10
+
+
+def test_page_that_is_not_eqts_shows_no_table(browser, pages, tmp_path):
+    whole = pages("continuous")[1].read_text(encoding="utf-8")
+    changed = tmp_path / "changed.html"
+    rtol = json.loads(whole.split('type="application/json">')[1].split("</script>")[0])["solver"][
+        "rtol"
+    ]
+    changed.write_text(whole.replace(f'"rtol": {rtol}', '"rtol": 0.001'), encoding="utf-8")
+    page = opened(browser, changed)
+    assert "is not the experiment" in text(page, "#check") and not text(page, "#all")
+
+
+def test_nothing_goes_wrong_and_nothing_is_requested(browser, pages):
+    browser.get_log("performance"), browser.get_log("browser")
+    opened(browser, pages("continuous")[1])
+    requested = [
+        json.loads(entry["message"])["message"]["params"]["request"]["url"]
+        for entry in browser.get_log("performance")
+        if '"Network.requestWillBeSent"' in entry["message"]
+    ]
+    assert all(url.startswith(("file:", "blob:", "about:")) for url in requested)
+    assert browser.get_log("browser") == []
+
+
+def test_axe_finds_nothing(page):
+    page.execute_script((Path(__file__).parents[2] / "axe/axe.min.js").read_text("utf-8"))
+    found = "axe.run().then((found) => arguments[0](found.violations.map((each) => each.id)))"
+    assert page.execute_async_script(found) == []
+
+
+def test_keyboard_moves_a_slider_and_the_link_holds_it(page, pages, browser):
+    slider = page.find_element(By.CSS_SELECTOR, "#sliders input[type=range]")
+    slider.send_keys(Keys.ARROW_RIGHT * 4)
+    value = settled(page).execute_script("return eqtLive.setting['gains.kp']")
+    assert value > 1 and slider.get_attribute("aria-valuetext") == f"gains.kp {value:g}"
+    assert text(page, "#command").endswith(f"--set 'gains.kp={value:g}'")
+    table, link = text(page, "#all"), page.find_element(By.ID, "link").get_attribute("href")
+    opened(browser, pages("continuous")[1], fragment="#" + link.split("#")[1])
+    assert text(page, "#all") == table
+
+
+def test_a_law_is_hidden(page):
+    page.find_element(By.CSS_SELECTOR, "#all input").click()
+    curve = page.find_element(By.CSS_SELECTOR, "#panels path.curve")
+    assert curve.get_attribute("d") == "" and len(text(page, "#moment").split(",")) == 1
+
+
+def test_a_run_of_too_many_steps_fails_and_says_so(browser, folder):
+    solver = SOLVER.replace("}", ", max_steps: 400}")
+    (folder / "c.yaml").write_text(configuration(solver=solver), encoding="utf-8")
+    page = opened(browser, api.live("c.yaml", "c.html", keys={"gains.kd": "0.5:5000"}).absolute())
+    page.find_element(By.CSS_SELECTOR, "#sliders input[type=range]").send_keys(Keys.END)
+    assert text(settled(page), "#all").count("3 failed: too many steps") == 2
+
+
+def test_stored_bytes_are_doubles(pages):
+    data = pages("continuous")[1].read_text(encoding="utf-8").split('type="application/json">')[1]
+    numbers = json.loads(data.split("</script>")[0])["numbers"]
+    assert base64.b64decode(numbers)[:2] == b"\x1f\x8b"

@@ -1,0 +1,58 @@
+"""The page as text: what it may do, what is in it, and what has no page."""
+
+import html
+import re
+
+import pytest
+from small_experiment import configuration
+
+from eqt_cli import api
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.live import wasm
+
+HOSTILE = '</script><img src=x onerror="alert(1)">'
+
+
+@pytest.fixture
+def uncompiled(monkeypatch):
+    """A page's programs are not compiled, but everything else is done."""
+    monkeypatch.setattr(wasm, "command", lambda: ["cc"])
+    monkeypatch.setattr(wasm, "compiled", lambda source, fused: b"\0asm")
+
+
+def written(folder, text, **more):
+    (folder / "c.yaml").write_text(text, encoding="utf-8")
+    return api.live(folder / "c.yaml", folder / "page.html", **more).read_text(encoding="utf-8")
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+def test_page_may_run_its_program_and_nothing_else(folder, uncompiled):
+    page = written(folder, configuration())
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert policy == (
+        "default-src 'none'; style-src 'unsafe-inline'; "
+        "script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; img-src data:"
+    )
+    assert not re.findall(r"(?:https?:)?//[\w.]+\.\w+/", page.replace("http://www.w3.org/", ""))
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+def test_labels_are_text(folder, uncompiled):
+    label = {"kind": "eqt", "label": HOSTILE}
+    page = written(folder, configuration(controllers=[label]), title=HOSTILE)
+    assert HOSTILE not in page and html.escape(HOSTILE, quote=False)[:12] in page
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+@pytest.mark.parametrize(
+    ("more", "keys", "said"),
+    [
+        ({}, {"time.duration": "1:3"}, "time.duration"),
+        ({}, {"gains.kq": "1:3"}, "gains.kq: a slider moves a number"),
+        ({}, {"ensemble.seed": "0:9:1"}, "ensemble.seed"),
+        ({"sweep": {"gains.kp": [1, 2]}}, {}, "sweep"),
+    ],
+)
+def test_what_cannot_be_moved_says_why(folder, uncompiled, more, keys, said):
+    with pytest.raises(EqtError, match=re.escape(said)):
+        written(folder, configuration(**more), keys=keys)

@@ -1,0 +1,94 @@
+"""Keys that a reader moves, their values, and the numbers that follow them."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.live import sliders, wasm
+from eqt_cli.extensions.live.sliders import Slider
+
+
+def test_values_are_round_and_have_the_ends_and_the_configured_one():
+    slider = Slider.of("gains.kp", 0.824, "0.2:1.3:0.25")
+    assert slider.values == [0.2, 0.45, 0.7, 0.824, 0.95, 1.2, 1.3]
+
+
+def test_values_are_the_doubles_that_a_configuration_would_have():
+    values = Slider.of("gains.kp", 1.0, "0.1:10").values
+    assert 0.7 in values and 0.30000000000000004 not in values
+    assert 100 <= len(values) <= 250
+
+
+@pytest.mark.parametrize(
+    ("base", "range_", "said"),
+    [
+        ("cos(t)", "0:1", "'cos(t)'"),
+        (None, "0:1", "absent"),
+        (True, "0:1", "True"),
+        (1.0, "2:1", "'2:1'"),
+        (1.0, "0:inf", "'0:inf'"),
+        (1.0, "0:nan", "'0:nan'"),
+        (1.0, "0:2:0", "'0:2:0'"),
+        (1.0, "0:2:1:1", "'0:2:1:1'"),
+        (1.0, "two", "'two'"),
+        (3.0, "0:2", "outside"),
+        (0.0, "", "--key"),
+        (1.0, "0:2:1e-9", "steps"),
+    ],
+)
+def test_wrong_range_is_refused_with_key_and_value(base, range_, said):
+    with pytest.raises(EqtError) as caught:
+        Slider.of("gains.kp", base, range_)
+    assert str(caught.value).startswith("gains.kp: ") and said in str(caught.value)
+
+
+def test_usual_keys_are_gains_moments_and_start():
+    data = {
+        "name": "x",
+        "gains": {"kp": 1.0, "kd": [1, 0]},
+        "inertia": [[1.0, 0.1], [0.1, 2.0]],
+        "controllers": [{"kind": "pid", "ki": 0.1}],
+        "initial": {"velocity": {"kind": "normal", "std": 1.0}},
+        "time": {"duration": 3},
+    }
+    expected = "gains.kp gains.kd[0] controllers[0].ki inertia[0][0] inertia[1][1]"
+    assert list(sliders.usual_keys(data)) == [*expected.split(), "initial.velocity.std"]
+
+
+def test_numbers_follow_a_key_by_a_factor_or_by_a_table():
+    slider = Slider.of("k", 1.0, "0.5:1.5:0.25")
+
+    def numbers(setting):
+        k = setting["k"]
+        return {"a": np.array([[7.0, 3.0 * k, k * k]])}
+
+    factor, table = sliders.effects(slider, numbers, numbers({"k": 1.0}), [])
+    assert (factor.at, factor.by) == ([1], [3.0])
+    assert (table.at, table.table) == ([2], [[x * x] for x in slider.values])
+    moved = sliders.applied(
+        {"k": 1.25}, [(slider, [factor, table])], [], {"a": np.array([[7.0, 3.0, 1.0]])}
+    )
+    assert moved["a"].tolist() == [[7.0, 3.75, 1.5625]]
+
+
+def test_keys_that_move_numbers_together_are_refused():
+    of_keys, base = [], {"a": np.array([[1.0, 1.0]])}
+
+    def numbers(setting):
+        k, j = setting.get("k", 1.0), setting.get("j", 1.0)
+        return {"a": np.array([[k, j if k == 1.0 else j + k]])}
+
+    for key in ("k", "j"):
+        slider = Slider.of(key, 1.0, "0.5:1.5")
+        place = "kj".index(key)
+        of_keys.append((slider, [sliders.Effect("a", [place], [1.0])]))
+    with pytest.raises(EqtError, match="k, j"):
+        sliders.checked(of_keys, [], numbers, base)
+
+
+def test_without_a_compiler_a_page_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(wasm, "find_spec", lambda name: None)
+    monkeypatch.setenv("CC", "/nowhere/clang")
+    with pytest.raises(EqtError) as caught:
+        wasm.command()
+    assert ".[live]" in str(caught.value.remedies[0])
