@@ -162,6 +162,7 @@ def _check(both: Sequence[Result], how: Resampling) -> None:
         raise EqtError(f"resamples {how.resamples}: expected at least 1")
     for result in both:
         result.single("controllers are compared within one experiment")
+        conclusion_of(result).compared(result)  # which may refuse
     group, other = both[0].group_name, both[-1].group_name
     if group != other:
         raise both[-1].error(f"is of {other}, and the other result of {group}")

@@ -241,8 +241,8 @@ def chosen_labels(
     if without_start and not concluded.starts:
         raise result.error("is not the result of a tuning, so it has no starting gains")
     starts = concluded.starts if without_start else ()
-    chosen = wanted or concluded.compared(result)
-    return [label for label in result.labels if label in chosen and label not in starts]
+    usual = concluded.compared(result)
+    return [label for label in result.labels if label in (wanted or usual) and label not in starts]
 
 
 def compare_sweep(

@@ -394,6 +394,8 @@ class Lanes(Integrator):
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
+        if self.stop is None:
+            raise RuntimeError("lanes are moved by `walked`, which sets `stop`; use Native.solve")
         if self._law.around_code is not None:
             super().begin(runs)
         self._parameters = self._all_parameters[runs]
@@ -433,10 +435,8 @@ class Lanes(Integrator):
             Rows(self._parameters, by_run=True),
             Rows(self._all_held, by_sample=True),
         ]
-        measured = []
-        if self.errors_at(0) is not None:
-            parts = self.errors.of_runs
-            measured = [Rows(part[0].reshape(len(runs), -1), by_run=True) for part in parts]
+        parts = () if self.errors_at(0) is None else self.errors.of_runs
+        measured = [Rows(part[0].reshape(len(runs), -1), by_run=True) for part in parts]
         outputs = walk.evaluate(program, [*inputs, *measured], len(measured))
         if around is not None and call is not None:
             outputs = self._call_code(walk, call, around.after, outputs, inputs)

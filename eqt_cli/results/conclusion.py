@@ -54,7 +54,7 @@ class Conclusion:
     variants: Mapping[str, tuple[str, int]] = field(default_factory=dict)
 
     def compared(self, result: Result) -> list[str]:
-        """Return the labels that comparisons of a result show."""
+        """Return the labels that comparisons of a result show; may raise an `EqtError`."""
         return [label for label in result.labels if label not in self.further]
 
 

@@ -354,3 +354,34 @@ def test_another_processor_finds_the_same_bits(alone, here):
     command, emulator = emulated_arm()
     found = alone(command, 2, emulator)
     assert hashlib.sha256(found).hexdigest() == hashlib.sha256(here).hexdigest()
+
+
+def test_runs_move_from_their_own_times_as_each_alone(batch):
+    """The contract of what steps runs from outside: start, stop and held numbers of each run."""
+    problem, programs = batch.problem, native.programs(batch.problem.loop)
+    advance, spans = library.integration(programs.field), problem.spans[2 : 2 + RUNS]
+    held = native.held_rows(problem.loop, np.array([x.start for x in spans]), programs.field)
+    parameters, states = native.parameter_rows(problem), problem.states.copy()
+    settings = {"rtol": 1e-9, "atol": 1e-12, "most_steps": 1000, "longest": np.inf}
+
+    def moved(runs, **times):
+        count, members = len(states[runs]), {"states": states[runs].copy(), "held": held[runs]}
+        for name, kind in {"steps": float, "counts": int, "ends": int, "times": float}.items():
+            members[name] = np.zeros(count, kind)
+        members |= settings | times | {"parameters": parameters[runs], "stopped": np.zeros(1, int)}
+        advance(runs=count, later=0, **members)
+        return members["states"]
+
+    periods = np.array([(x.start, x.stop, *x.within) for x in spans])
+    together = moved(slice(None), periods=periods, to_next_held=held.shape[1])
+    assert (together != states).any(axis=1).all()
+    for run, (start, stop, first, last) in enumerate(periods.tolist()):
+        ends = {"start": start, "stop": stop, "first_inside": first, "last_inside": last}
+        assert (moved(slice(run, run + 1), **ends)[0] == together[run]).all()
+
+
+def test_lanes_without_their_walk_end_with_a_sentence(batch):
+    lanes = native.Native().integrator(batch.problem)
+    lanes.runs = np.arange(RUNS)
+    with pytest.raises(RuntimeError, match="`walked`"):
+        lanes.begin(lanes.runs)

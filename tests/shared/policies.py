@@ -23,7 +23,9 @@ def attitude(**changes):
             control={"period": "10 ms", "delay": 1},
             sensors={
                 "pose": [{"kind": "noise", "std": 0.01}],
-                "velocity": [{"kind": "bias", "value": {"normal": [0, 0.1]}, "walk": 0.1}],
+                "velocity": [
+                    {"kind": "bias", "value": {"normal": [0, 0.1]}, "walk": "0.1 rad/s/sqrt(s)"}
+                ],
             },
             time={"duration": 0.2, "samples": 21},
             solver={"engine": "native", "cross_check": 0},

@@ -7,6 +7,8 @@ from eqt_cli.base.extensions import Extension, imported
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
+    extension.add_function("conclusion of a result", "judging.conclude")
+    extension.add_function("remarks on an experiment", "judging.remarks")
 
 
 def __getattr__(name: str) -> Any:

@@ -16,6 +16,7 @@ from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.extensions.gym.plant import Episodes
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
+from eqt_cli.extensions.network.reader import TRAINED
 from eqt_cli.runs.batches import batches
 
 if TYPE_CHECKING:
@@ -113,10 +114,6 @@ def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expect
 
 
 # What the file of a policy says of its training ---------------------------------------------------
-
-
-TRAINED = "eqt_trained"
-"""Key of the metadata of an ONNX file."""
 
 
 def record(environment: Environment, path: Path) -> dict[str, Any]:

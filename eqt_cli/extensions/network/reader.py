@@ -64,7 +64,7 @@ def network_text(path: Path) -> str:
 
     A step has ``op``, ``out``, ``of``, and numbers. An output has its vector and its shape, or why
     eqt does not compute it. ``start`` are states of recurrent units, and ``examples`` inputs and
-    outputs one after the other from there.
+    outputs one after the other from there. ``trained`` is what the file says of its training.
 
     Raises
     ------
@@ -143,7 +143,7 @@ class Built:
         The shapes of all inputs by name.
     outputs
         The vector of each output and its shape; or why it is not computed, and None.
-    memory, start, examples, steps
+    memory, start, examples, steps, trained
         As in `network_text`.
     length
         The lengths of the vectors: inputs ``x0``, ``x1``, …, and the output of each step.
@@ -161,13 +161,15 @@ class Built:
         self.start: dict[str, list[float]] = {}
         self.examples: list[Any] = []
         self.steps: list[dict[str, Any]] = []
+        self.trained: dict[str, Any] = {}
         self.length: dict[str, int] = {}
         self._numbers = 0
 
     @property
     def text(self) -> str:
         """It as JSON; see `network_text`."""
-        keys = ("inputs", "outputs", "memory", "start", "examples", "steps")
+        keys = ["inputs", "outputs", "memory", "start", "examples", "steps"]
+        keys += ["trained"] if self.trained else []
         return json.dumps({key: getattr(self, key) for key in keys})
 
     def input(self, name: str, shape: list[int]) -> str:
@@ -402,12 +404,30 @@ def of_onnx(made: bytes, path: Path) -> Built:
     except Exception as error:
         raise InputError(f"{path.name}: has operations that do not fit: {error}") from error
     try:
-        return _OfGraph(model, path, onnx).built
+        built = _OfGraph(model, path, onnx).built
+        built.trained = _trained(model)
+        return built
     except InputError:
         raise
     except Exception as error:  # a damaged file may make onnx raise anything
         words = f"{type(error).__name__}: {error}"
         raise InputError(f"{path.name}: has what onnx cannot read: {words}") from error
+
+
+TRAINED = "eqt_trained"
+"""Key of the metadata of an ONNX file under which `eqt_cli.gym` describes the training."""
+
+_MOST_LETTERS = 20_000
+
+
+def _trained(model: Any) -> dict[str, Any]:
+    """Return what the metadata of a file says of the training; {} if it does not say it so."""
+    texts = [entry.value for entry in model.metadata_props if entry.key == TRAINED]
+    with suppress(ValueError, RecursionError):
+        about = json.loads(texts[0][:_MOST_LETTERS]) if texts else None
+        if isinstance(about, dict):
+            return {str(key): x for key, x in about.items() if isinstance(x, int | float | str)}
+    return {}
 
 
 MOST_NODES = 10 * MOST_STEPS

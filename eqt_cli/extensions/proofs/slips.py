@@ -33,6 +33,10 @@ BY_WHEELS = {"momentum": 30.0, "limit": 50.0}
 CubeSat has 1 rad/s and 0.1 rad/s², a cube that balances on its corner 10 and 20."""
 
 
+UNLIKE_BODIES = 100.0
+"""How many times the inertia of the model, or what part of it, is that of another body."""
+
+
 def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield all of them, and those on what limits leave, with their keys."""
     yield from _behind_the_end(experiment)
@@ -74,8 +78,26 @@ def _in_ms(value: float) -> str:
     return f"if milliseconds were meant, write '{value:g} ms'"
 
 
+def _of_another_inertia(experiment: Experiment) -> Placed:
+    """Yield a true inertia that is no inertia of the body of the model."""
+    model, true = experiment.loop.inertia.at(0.0), experiment.loop.vehicle.inertia
+    if true is None:
+        return
+    ours, plant = (np.diagonal(x.matrix[..., :, :]) for x in (model, true.at(model, 0.0)))
+    ratio = np.ravel(plant / ours)
+    worst = float(ratio[np.abs(np.log(ratio)).argmax()])
+    if not 1 / UNLIKE_BODIES < worst < UNLIKE_BODIES:
+        yield (
+            ("plant", "inertia"),
+            f"has a mean that is {worst:,.4g} times the inertia of the model, so that no gain of "
+            "one suits the other; check its unit, or write `relative: {uniform: [-0.2, 0.2]}` for "
+            "a factor of 1 ± 0.2",
+        )
+
+
 def _of_another_unit(experiment: Experiment) -> Placed:
     """Yield numbers with which thrusters or wheels would do what no vehicle does."""
+    yield from _of_another_inertia(experiment)
     inverse, written_parts = experiment.loop.inertia.at(0.0).inverse, experiment.config.actuators
     for index, part in enumerate(experiment.vehicle.actuators):
         if part.name == "wheels":

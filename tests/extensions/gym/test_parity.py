@@ -1,5 +1,6 @@
 """`eqt run` flies an exported policy as the environment does, bit for bit."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -219,3 +220,30 @@ def test_a_stored_run_is_that_of_the_environment(tmp_path):
             rewards.append(reward)
         means = np.ravel(result.metric("mean_pose_error"))
     assert -np.mean(rewards, axis=0) == pytest.approx(means, rel=1e-12)  # rounding of sums
+
+
+@pytest.mark.ci("compiles a network, and runs an experiment")
+def test_a_policy_is_not_judged_by_the_runs_of_its_training(tmp_path):
+    """The file knows its training, the result knows the file; other runs judge."""
+    with hurried():
+        env = eqt_cli.gym.make(attitude(), num_envs=3, episodes=3)
+        path, _ = random_policy(env, tmp_path / "policy.onnx")
+        about = env.record(path)
+        assert about["reward"] == "-mean_pose_error"
+        assert env.record(path) == about  # once only
+        stored = {p.key: p.value for p in onnx.load(path).metadata_props}
+        assert json.loads(stored["eqt_trained"]) == about
+        config = attitude(controllers=[POLICY | {"file": str(path)}, {"kind": "eqt"}])
+        results = {}
+        for seed in (env.training_seed, 1):
+            loaded = eqt_cli.load_experiment(config, {"ensemble.seed": seed})
+            if seed == env.training_seed:
+                with pytest.warns(match="was trained on the runs of seed 2"):
+                    results[seed] = eqt_cli.run(loaded, tmp_path / f"{seed}")
+            else:
+                results[seed] = eqt_cli.run(loaded, tmp_path / f"{seed}")
+    said = error_of(eqt_cli.compare, results[env.training_seed], controllers=["policy"])
+    assert says(said, "…'policy' was trained on the runs of seed 2…ensemble.seed=1002")
+    said = error_of(eqt_cli.compare, results[1], other=results[env.training_seed])
+    assert "was trained on the runs of seed 2" in said
+    assert {pair.first for pair in eqt_cli.compare(results[1]).pairs} == {"eqt"}

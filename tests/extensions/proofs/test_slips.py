@@ -64,6 +64,7 @@ def told(config: dict[str, Any]) -> list[str]:
         ),
         (FREE, "controllers[0].known_forces", "changes nothing"),
         ({**FREE, "model": {"forces": "plant"}}, "model.forces", "has none"),
+        ({**CUBE, "plant": {"inertia": {"uniform": [80, 120]}}}, "plant.inertia", "relative"),
     ],
     ids=lambda x: x if isinstance(x, str) else "",
 )
