@@ -103,7 +103,7 @@ def test_the_shipped_laws_fly_as_the_page_says(tmp_path):
     laws = flown(tmp_path, 20, 10.0, "native")
     for law, reward, steady in (
         ("published", 14.00, 0.0002),
-        ("tuned", 14.11, 0.0001),
+        ("tuned", 14.08, 0.0002),
         ("network", 14.39, 0.0143),
     ):
         assert np.median(laws[law].reward) == pytest.approx(reward, abs=0.1)
