@@ -242,7 +242,7 @@ def margins(
     result = api.margins(study)
     causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
     about = {"name": result.experiment.name, "group": result.experiment.group.name}
-    loop = {"period": result.period, "left_out": result.left_out}
+    loop = {"period": result.period, "left_out": result.left_out, "refused": result.refused}
     findings = about | loop | {"causes": causes, "laws": result.records()}
     print_findings(findings, *_margins_pieces(result), json=json)
     if quiet and not json:
@@ -284,6 +284,10 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     if laws:
         yield from ([""] if varying or starting else [])
         yield laid_out(_margins_table(result, laws))
+    if result.refused:
+        yield ""
+    for label, why in result.refused.items():
+        yield f"No margins of {titles[label]}: {why}."
     if left := authority_table(result.experiment):
         yield from ("", left)
 

@@ -1,7 +1,7 @@
 """Stability margins of linearised loops: eigenvalues, delay margins and gain margins."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -322,11 +322,14 @@ class Margins(InNotebook):
         Margins of its laws, in their order.
     period
         Control period, s; None if the laws act continuously.
+    refused
+        Why other laws have no margins, by label.
     """
 
     experiment: Experiment
     laws: list[LawMargins]
     period: float | None
+    refused: dict[str, str] = field(default_factory=dict)
 
     def answer(self) -> list[str]:
         """Return a line per law: whether it is stable, and its delay margin."""
@@ -334,7 +337,7 @@ class Margins(InNotebook):
         for law in self.laws:
             delay = "" if law.delay is None else f", delay margin {law.delay:.4g} s"
             lines.append(f"{titles[law.label]}: {law.verdict}{delay}")
-        return lines
+        return lines + [f"{titles[label]}: {why}" for label, why in self.refused.items()]
 
     def records(self) -> list[dict[str, Any]]:
         """Return a record per law."""
@@ -492,12 +495,12 @@ def margins_of(experiment: Experiment) -> Margins:
     ConfigError
         If the reference is not finite.
     InputError
-        If a loop has no derivative about its reference, or a law of no known formula a memory that
-        follows a reference.
+        If no loop has a derivative about its reference, or each law of no known formula a memory
+        that follows a reference; where some have margins, the others are `refused`.
     ComponentError
         If a plugin fails.
     """
-    laws = []
+    laws, refused = list[LawMargins](), dict[str, str]()
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):
         along = along_reference(experiment, known_reference(experiment))
@@ -505,9 +508,14 @@ def margins_of(experiment: Experiment) -> Margins:
         shown = begun or experiment
         along = along_reference(shown, known_reference(shown)) if begun else along
         for label, loop in shown.loops.items():
-            laws.append(_of_law(label, loop, along, begun is not None))
+            try:
+                laws.append(_of_law(label, loop, along, begun is not None))
+            except InputError as error:
+                refused[label] = str(error)
             reporter().advance(1)
-    return Margins(experiment, laws, experiment.loop.period or None)
+    if not laws:
+        raise InputError(next(iter(refused.values())))
+    return Margins(experiment, laws, experiment.loop.period or None, refused)
 
 
 def _where_it_begins(experiment: Experiment, along: Along) -> Experiment | None:

@@ -148,7 +148,8 @@ def test_runs_that_are_one_run_do_not_concern_margins(eqt):
 def test_margins_as_json(eqt):
     found = json.loads(eqt("margins", "c.yaml", *AT_REST, "--json").out)
     [law] = found.pop("laws")
-    assert found == {"name": "c", "group": "SO3", "period": None, "left_out": [], "causes": []}
+    about = {"name": "c", "group": "SO3", "period": None, "left_out": [], "causes": []}
+    assert found == {**about, "refused": {}}
     assert " ".join(law) == (
         "label verdict largest_eigenvalue eigenvalue at cycle estimator at_rest_where_it_begins "
         "growth_rate offset delay_margin delay_margin_periods delay_margin_is_least "
@@ -191,6 +192,18 @@ def test_a_law_that_jumps_at_its_reference_has_no_margins(eqt, refused, folder, 
         "its law jumps there; leave this law out\n"
     )
     assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == ""
+
+
+@pytest.mark.ci("two loops")
+def test_the_others_have_margins_beside_a_law_that_jumps(eqt, folder):
+    (folder / "jumps.py").write_text(JUMPS)
+    law = ("--set", "plugins=[jumps.py]", "--set", "controllers=[jumps, eqt]")
+    shown, told = (eqt("margins", "c.yaml", *law, *more) for more in ((), ("--json",)))
+    found = json.loads(told.out)
+    assert shown.code == told.code == 0
+    assert [law["label"] for law in found["laws"]] == ["eqt"]
+    assert "no derivative" in found["refused"]["jumps"]
+    assert "No margins of jumps: the loop of 'jumps' has no derivative" in shown.out
 
 
 def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt, refused, folder):
