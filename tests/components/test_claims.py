@@ -157,7 +157,10 @@ def test_gains_are_matched_where_small_errors_meet_them(name):
     damping = [(torque(rest, -d) - torque(rest, d)) / (2 * h) for d in steps]
     found = np.allclose(stiffness, np.diag([6.0, 5.0, 3.0]), rtol=0, atol=1e-6)
     found = found and np.allclose(damping, K_d, rtol=0, atol=1e-6)
-    if name == "goodarzi2013":  # its integral is the error, too, and makes it stiffer
+    if name in (
+        "goodarzi2013",
+        "geometric_adaptive",
+    ):  # its integral is the error, too, and makes it stiffer
         assert found and law.matched is False
     else:
         assert found is law.matched

@@ -5,7 +5,8 @@ from eqt_cli.base.extensions import Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
-    extension.add_component("controllers", "l1", "l1")
+    for name in ("l1", "super_twisting", "geometric_adaptive"):
+        extension.add_component("controllers", name, name)
     for name in ("lqr", "eqr"):
         extension.add_component("controllers", name, "lqr")
     for name in ("indi", "observer"):
