@@ -10,8 +10,10 @@ from typing import Any
 
 from eqt_cli.api.loading import load_experiment, open_at
 from eqt_cli.api.running import run
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtWarning
 from eqt_cli.base.files import FILE_NAME, check_targets, write_all
+from eqt_cli.base.reporting import reporter
+from eqt_cli.base.yaml_source import flow
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine
 from eqt_cli.engines.native import SMALLEST_RTOL, Native
@@ -69,14 +71,14 @@ def live(
     wasm.command()
     study = load_experiment(config, overrides)
     if study.sweep is not None:
-        raise EqtError(
-            f"{config}: a page has one experiment; leave its sweep out, or --set one point"
-        )
+        reporter().remark(EqtWarning(f"{config}: the page is written without its sweep"))
+        overrides = {**(overrides or {}), "sweep": None}
+        study = load_experiment(config, overrides)
     settings = {**(overrides or {}), **_engine(study.base.engine)}
     words = ["eqt", "run", str(config)]
     words += [] if isinstance(study.base.engine, Native) else ["--engine", "native"]
     for key, value in (overrides or {}).items():
-        words += ["--set", f"{key}={value}"]
+        words += ["--set", f"{key}={flow(value)}"]
 
     def moved(setting: Mapping[str, float]) -> Study:
         return load_experiment(config, {**settings, **setting})

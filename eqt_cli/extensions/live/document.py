@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 import shlex
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -100,7 +101,6 @@ def live_page(
         base = numbers_of(study, loops, runs)
         rules = sliders.inverses(loops, base)
         of_keys = _moving(study, keys, numbers, base, rules)
-        sliders.checked(of_keys, rules, numbers, base)
     modules, tables = _modules(loops, base, of_keys)
     tables |= base
     tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
@@ -169,7 +169,8 @@ def _moving(
     for key in keys or usual:
         try:
             slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key, ""))
-            of_key = sliders.effects(slider, numbers, base, rules)
+            longest = math.inf if keys else sliders.MOST_SECONDS
+            of_key = sliders.effects(slider, numbers, base, rules, longest)
             sliders.disjoint(made, slider, of_key)
             made.append((slider, of_key))
         except EqtError as error:
@@ -178,6 +179,14 @@ def _moving(
             reporter().remark(EqtWarning(f"no slider for {error}"))
         if len(made) == sliders.MOST_KEYS and not keys:
             break
+    while made:
+        try:
+            sliders.checked(made, rules, numbers, base)
+            break
+        except EqtError as error:
+            if keys:
+                raise
+            reporter().remark(EqtWarning(f"no slider for {made.pop()[0].key}: {error}"))
     return made
 
 

@@ -8,6 +8,7 @@ page has a table with all values of the slider.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,9 @@ STEPS = 100
 MOST_VALUES = 2000
 MOST_KEYS = 12
 """Most values of a slider, and most sliders that a page has unasked."""
+
+MOST_SECONDS = 10.0
+"""Longest CPU time for the table of a key that is moved unasked."""
 
 SHARES = (0.0, 0.13, 0.37, 0.71, 1.0)
 """Where between the ends of its slider a key is tried."""
@@ -191,8 +195,14 @@ def _inverted(rule: Inverse, arrays: Arrays) -> Array | None:
     return None if same else inverse
 
 
-def effects(slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse]) -> list[Effect]:
-    """Return the numbers that follow a key.
+def effects(
+    slider: Slider,
+    numbers: Numbers,
+    base: Arrays,
+    rules: list[Inverse],
+    most_seconds: float = math.inf,
+) -> list[Effect]:
+    """Return the numbers that follow a key, by a table if that takes no longer than asked for.
 
     Raises
     ------
@@ -202,7 +212,9 @@ def effects(slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse]
     low, high = slider.values[0], slider.values[-1]
     values = np.array(slider.values)
     tried = [float(values[np.abs(values - low - s * (high - low)).argmin()]) for s in SHARES]
+    begun = time.process_time()
     probes = [_moved(slider, value, numbers, base) for value in tried]
+    seconds = (time.process_time() - begun) / len(tried) * len(slider.values)
     made: list[Effect] = []
     tabled: dict[str, Array] = {}
     for name, at in _places(probes, base, rules).items():
@@ -215,6 +227,8 @@ def effects(slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse]
             made.append(Effect(name, at[fits].tolist(), by[fits].tolist()))
         if not fits.all():
             tabled[name] = at[~fits]
+    if tabled and seconds > most_seconds:
+        raise EqtError(f"{slider.key}: its table takes {seconds:.0f} s; ask for it by --key")
     if tabled:
         rows = [_moved(slider, value, numbers, base) for value in slider.values]
         for name, at in tabled.items():

@@ -50,7 +50,6 @@ def test_labels_are_text(folder, uncompiled):
         ({}, {"time.duration": "1:3"}, "time.duration"),
         ({}, {"gains.kq": "1:3"}, "gains.kq: a slider moves a number"),
         ({}, {"ensemble.seed": "0:9:1"}, "ensemble.seed"),
-        ({"sweep": {"gains.kp": [1, 2]}}, {}, "sweep"),
     ],
 )
 def test_what_cannot_be_moved_says_why(folder, uncompiled, more, keys, said):
