@@ -71,6 +71,8 @@ RERUN = "reruns"
 """Folder for the parts of failed runs that are computed again, and of those of a growing result."""
 GROWN = "grown"
 """Folder for a result that grew, until it takes the place of the old one."""
+MOVING = "moving"
+"""Entry of the manifest while it does so: its digest; the result file may be the old one."""
 
 _PICTURES = (FilePattern(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
 COPY_FOLDERS = tuple(FolderPattern(name, (FilePattern(r"\d+-.+"),)) for name in (PLUGINS, FILES))

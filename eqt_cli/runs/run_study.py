@@ -26,7 +26,14 @@ from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, is_of
 from eqt_cli.runs.executors import MOST_TRIES, Auto, Executor, Serial, Threads
-from eqt_cli.runs.folder import CONFIG, ResultFolder, described, new_result_file, write_index
+from eqt_cli.runs.folder import (
+    CONFIG,
+    MOVING,
+    ResultFolder,
+    described,
+    new_result_file,
+    write_index,
+)
 from eqt_cli.runs.lock import LOCK, locked
 from eqt_cli.runs.part_files import MANIFEST
 from eqt_cli.runs.preflight import check_resources, rehearse
@@ -93,7 +100,8 @@ def execute(
     executor
         The executor that computes the parts. Default: this process.
     force
-        Whether to start over and remove what eqt wrote there.
+        Whether to start over and remove what eqt wrote there; with `grow`, what the study leaves
+        out.
     rerun_failed
         Whether to compute failed runs again, each alone.
     grow
@@ -126,9 +134,10 @@ def execute(
             locks.enter_context(_lock_of(shard, out, len(study.plans)))
         chosen = locks.enter_context((executor or Serial()).opened(folder.path))
         session = Session(study, folder, chosen)
-        if (grow or rerun_failed) and not complete and folder.results.exists():
-            return function_for("run --grow" if grow else "run --rerun-failed")(session)
-        if complete:
+        grow |= not force and MOVING in folder.manifest
+        if grow and not complete and folder.results.exists():
+            return function_for("run --grow")(session, drops=force)
+        if complete or (rerun_failed and folder.results.exists()):
             return function_for("run --rerun-failed")(session)
         if rerun_failed:  # parts whose runs all failed are computed as a whole
             for number, entry in session.files.listed().items():
@@ -211,7 +220,8 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     another process holds the lock or the folder is not writable.
     """
     manifest = folder.manifest
-    if manifest.get("digest") != study.digest or not folder.results.exists():
+    is_another = manifest.get("digest") != study.digest or MOVING in manifest
+    if is_another or not folder.results.exists():
         return None
     if folder.parts.listed() or kind_of(folder.path / LOCK) or "finished" not in manifest:
         with open_results(folder.results) as results:

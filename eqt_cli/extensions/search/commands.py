@@ -185,6 +185,8 @@ def _report(
         counted = {"failed": done.judged.failed, "causes": list(causes)}
         output.print_json({"folder": str(path), **done.record, **counted})
         return
+    if done.judged.taken:
+        output.say(f"{done.judged.taken} of {done.judged.runs} held-out runs were kept")
     with output.as_remark(), open_result(path) as result:
         for table in tables(result, done.record):
             output.print_text(output.laid_out(table), "")

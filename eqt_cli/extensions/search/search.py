@@ -293,9 +293,9 @@ SWEEP, GROUP = 0.2, 0.07
 def compute(document: Document, out: Path, executor: Executor) -> Execution:
     """Compute an experiment, or the missing parts of it."""
     sweep = study(document)
-    # A search with fewer generations may have left another result here.
+    # A search with fewer generations may have left another result here, with some of these runs.
     force = ResultFolder(out).manifest.get("digest", sweep.digest) != sweep.digest
-    done = execute(sweep, out, executor=executor, force=force)
+    done = execute(sweep, out, executor=executor, force=force, grow=force)
     if done.was_complete:
         reporter().skip(done.runs)
     return done

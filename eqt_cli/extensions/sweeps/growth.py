@@ -34,13 +34,17 @@ from eqt_cli.loop.signals import output_names
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, kind_of
 from eqt_cli.runs.compute_part import PartTask
-from eqt_cli.runs.folder import GROWN, RERUN, ResultFolder, outputs_of_laws, stored_quantities
+from eqt_cli.runs.folder import (
+    GROWN,
+    MOVING,
+    RERUN,
+    ResultFolder,
+    outputs_of_laws,
+    stored_quantities,
+)
 from eqt_cli.runs.part_files import MANIFEST, PartFiles
 from eqt_cli.runs.provenance import now
 from eqt_cli.runs.run_study import Execution, Session, Works, pack, timed
-
-MOVING = "moving"
-"""Entry of the manifest: the digest of a result that is complete, and takes the old one's place."""
 
 MOST_NAMED = 3
 """Largest number of points that a message names."""
@@ -346,8 +350,14 @@ def _cut(part: StudyPart, missing: Sequence[bool]) -> Iterator[StudyPart]:
 # Growth in a folder -------------------------------------------------------------------------------
 
 
-def grow(session: Session) -> Execution:
+def grow(session: Session, *, drops: bool = False) -> Execution:
     """Make the result in a folder that of another study, and compute only what it lacks.
+
+    Parameters
+    ----------
+    drops
+        Whether what the study leaves out is dropped; then a result of which nothing can be used is
+        replaced as a whole.
 
     Raises
     ------
@@ -359,17 +369,21 @@ def grow(session: Session) -> Execution:
     if manifest.get(MOVING) == wanted.digest:
         return _moved(session, manifest, 0)
     with open_results(folder.results) as old:
-        growth = Growth(wanted, [source_of(old)])
-        return _completed(session, growth, manifest)
+        growth = Growth(wanted, [] if drops and [*remarks(old)] else [source_of(old)])
+        if growth.taken or not drops:
+            return _completed(session, growth, manifest, drops=drops)
+    return session.run(True, None)
 
 
-def _completed(session: Session, growth: Growth, manifest: dict[str, Any]) -> Execution:
+def _completed(
+    session: Session, growth: Growth, manifest: dict[str, Any], *, drops: bool
+) -> Execution:
     """Compute what the sources lack, write the new result, and let it take the place of the old."""
     folder, wanted = session.folder, session.study
     for source in growth.sources:
         if not growth.taken:
             raise folder.of_another(wanted, Remedy("compute it all with {}", "force"), OTHER_FOLDER)
-        if lost := growth.left_out(source):
+        if not drops and (lost := growth.left_out(source)):
             raise EqtError(
                 f"{folder.path}: holds what the configuration leaves out: {', '.join(lost)}",
                 Remedy("keep them in the configuration"),
@@ -384,7 +398,7 @@ def _completed(session: Session, growth: Growth, manifest: dict[str, Any]) -> Ex
     task = PartTask(wanted, PartFiles(place), tuple(chosen))
     session.note_earlier(manifest)
     held = session.plan.total - sum(growth.lacks(index, part) for index, part in chosen)
-    if _is_shared(wanted.base.engine):
+    if _is_shared(wanted.base.engine) and not drops:
         reporter().remark(
             EqtWarning(
                 f"{folder.path}: the engine solves runs in blocks; those of blocks that differ, or "

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from faults_harness import assert_equal, contents
 from stored import of_variable_length
 
 from eqt_cli import api
@@ -96,6 +97,16 @@ def test_a_second_session_computes_nothing_and_finds_the_same(small, searched, m
     done, folder = searched
     monkeypatch.setattr("eqt_cli.runs.run_study.Session.run", None)
     assert api.tune(small, folder).record == done.record
+
+
+@pytest.mark.ci("searches three times")
+def test_more_held_out_runs_keep_the_earlier_ones(small, tmp_path):
+    small["solver"] = {"engine": "native", "rtol": 1e-6}
+    before = api.tune(small, tmp_path / "t").judged.runs
+    small["tune"]["confirm"] = small["tune"].get("confirm", {}) | {"runs": 7}
+    grown, whole = api.tune(small, tmp_path / "t"), api.tune(small, tmp_path / "other")
+    assert grown.judged.taken == before < grown.judged.runs == whole.judged.runs
+    assert_equal(tmp_path / "t", contents(tmp_path / "other"))
 
 
 @pytest.mark.ci("searches three times")

@@ -1,5 +1,7 @@
 """Results that grow: bit for bit what a run from nothing gives."""
 
+from pathlib import Path
+
 import pytest
 from case_tables import from_yaml, table_of
 from faults_harness import assert_equal, contents
@@ -34,6 +36,32 @@ def test_a_grown_result_is_that_of_a_run_from_nothing(tmp_path, before, after, e
 def test_the_table_has_both_engines_and_points_of_several_shapes():
     cases = table_of(test_a_grown_result_is_that_of_a_run_from_nothing)
     assert {case["engine"] for case in cases} == {"native", "solve_ivp"}
+
+
+@pytest.mark.ci("compiles laws")
+@pytest.mark.parametrize("moved", [0, 1, 2])
+def test_a_growth_that_ended_while_files_moved_is_no_complete_result(tmp_path, moved):
+    few = {"time": {"duration": 0.1, "samples": 2}, "name": "x", "solver": {"engine": "native"}}
+    before, after = (
+        mapping(**few, sweep=[{"grid": {"time.samples": [2, 3], "gains.kp": list(gains)}}])
+        for gains in ((1,), (1, 2))
+    )
+    run(before, tmp_path / "r")
+    replace, moves = Path.replace, []
+
+    def ended(path, place):
+        if "grown" in path.parts:
+            moves.append(path)
+            if len(moves) > moved:
+                raise KeyboardInterrupt
+        return replace(path, place)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "replace", ended)
+        with pytest.raises(KeyboardInterrupt):
+            run(after, tmp_path / "r", grow=True)
+    assert not run(after, tmp_path / "r").outcome.was_complete  # without being asked to grow
+    assert_equal(tmp_path / "r", contents(run(after, tmp_path / "whole").path))
 
 
 def test_nothing_of_a_result_is_lost(tmp_path):
