@@ -7,6 +7,7 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     for name in ("l1", "super_twisting", "geometric_adaptive"):
         extension.add_component("controllers", name, name)
+    extension.add_function("remarks on an experiment", "staying.remarks")
     for name in ("lqr", "eqr"):
         extension.add_component("controllers", name, "lqr")
     for name in ("indi", "observer"):

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.mechanics import lie_poisson
+from eqt_cli.config.remarks import remarks
 from eqt_cli.loop.closed_loop import MEMORY
 
 J, T, KR, KW, V_D = np.diag([0.04, 0.05, 0.08]), 0.01, 4.0, 0.8, np.array([0.3, -0.5, 0.9])
@@ -224,3 +225,35 @@ def test_the_energy_of_the_adaptive_law_is_balanced(solved, estimates):
 def test_what_is_wrong_is_said_at_its_place(experiment_of, changes, said):
     text = changed(ADAPTIVE, **yaml.safe_load(changes))
     assert mentions(refusal(ConfigError, experiment_of, text), said)
+
+
+OWN = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Array, Controller, Tracking
+
+
+@dataclass(frozen=True)
+class Own(Controller):
+    name: ClassVar[str] = "own_NUMBER"
+
+    def torque(self, s: Tracking) -> Array:
+        r = s.relative
+        return FEEDFORWARD - r.body_damping - r.gradient
+"""
+
+
+@pytest.mark.ci("loads four plugins")
+def test_check_says_where_an_own_law_leaves_its_reference(experiment_of, tmp_path):
+    """PD alone does not drive a body that turns; each exact feedforward does."""
+    forward = "0.0", "r.tau_d", "r.cancelling_feedforward", "r.feedforward(0.0, 0.0, 1.0)"
+    for k, formula in enumerate(forward):
+        source = OWN.replace("NUMBER", str(k)).replace("FEEDFORWARD", formula)
+        (tmp_path / f"own_{k}.py").write_text(source, encoding="utf-8")
+    laws = [f"own_{k}" for k in range(len(forward))]
+    text = yaml.safe_dump({**ATTITUDE, "controllers": laws, "plugins": [f"{x}.py" for x in laws]})
+    told = [str(x) for x in remarks(experiment_of(text)) if "on the reference" in str(x)]
+    assert len(told) == 1 and "controllers[0]: " in told[0]
+    size = np.linalg.norm(np.cross(V_D, J @ V_D))
+    assert f"up to {size:.3g} from τ_d" in told[0]
