@@ -64,7 +64,7 @@ def make(
     privileged: Sequence[str] = (),
     controller: str | None = None,
     overrides: Mapping[str, Any] | None = None,
-    episodes: int = 2048,
+    episodes: int = 4096,
     stagger: bool = False,
     dtype: Any = np.float32,
 ) -> Environment:
@@ -356,7 +356,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.plant.begin(which, runs, np.minimum(rows, self._episodes.rows - 1))
         self.runs[which], self._last[which] = runs, 0.0
         self._horizon[which], self._ended[which] = self.plant.ticks, False
-        self.reward.begin()
+        self.reward.begin(which)
 
     def _masked(self, mask: Any) -> Array:
         mask = np.asarray(mask)
@@ -477,7 +477,13 @@ class Environment(VectorEnv[Array, Array, Array]):
     @property
     def offered(self) -> list[str]:
         """Names of exact signals and of drawn numbers."""
-        return [*existing(self.plant.loop), *self._numbers]
+        loop = self.plant.loop
+        signals = [
+            name
+            for name, (signal, _) in existing(loop).items()
+            if signal.exists_for(loop) and (signal.stored_of(loop.vehicle) or not signal.only_there)
+        ]
+        return [*signals, *self._numbers]
 
     def exactly(self, name: str) -> Array:
         """Return a signal or drawn numbers of each environment now, by a name that is `offered`."""

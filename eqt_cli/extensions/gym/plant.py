@@ -235,8 +235,14 @@ class Plant:
         if takes_part is not None:
             self._ends[~takes_part] = ended[~takes_part]
 
-    def evaluate(self, program: Program, held: Array, rows: Sequence[Array] = ()) -> Arrays:
-        """Return the arrays of a program of `native.sampled`, ``(runs, …)``, in these states.
+    def evaluate(
+        self,
+        program: Program,
+        held: Array,
+        rows: Sequence[Array] = (),
+        which: Array | slice = slice(None),
+    ) -> Arrays:
+        """Return the arrays of a program of `native.sampled`, ``(runs, …)``, in some states.
 
         Parameters
         ----------
@@ -245,7 +251,7 @@ class Plant:
         rows
             Its rows behind the state.
         """
-        state, *others = self._inputs(slice(None), self.states, held)
+        state, *others = self._inputs(which, self.states[which], held)
         more = [Rows(values, by_run=True) for values in rows]
         return at_one_time(program, [state, *more, *others])
 

@@ -164,15 +164,14 @@ class MetricReward:
         self._length = plant.period if self._square else 1.0
         self._before = np.zeros(len(plant.tick))
 
-    def _now(self) -> Array:
-        value = self._plant.evaluate(*self._signal)[self._name]
+    def _now(self, which: Array | slice = slice(None)) -> Array:
+        value = self._plant.evaluate(*self._signal, which=which)[self._name]
         return value * value if self._square else value
 
-    def begin(self) -> None:
-        """Take the values at the starts, of episodes that begin."""
+    def begin(self, which: Array) -> None:
+        """Take the values at the starts of episodes that begin."""
         if not self._held:
-            fresh = self._plant.tick == 0
-            self._before[fresh] = self._now()[fresh]
+            self._before[which] = self._now(which)
 
     def after_instant(self) -> None:
         """Take a value that is held from here to the next instant."""
@@ -203,7 +202,7 @@ class FunctionReward:
     def __init__(self, plant: Plant, function: Function) -> None:
         self.text, self.function = source_of(function), Evaluated(plant, function, "reward")
 
-    def begin(self) -> None:
+    def begin(self, which: Array) -> None:
         """Nothing is remembered."""
 
     def after_instant(self) -> None:
