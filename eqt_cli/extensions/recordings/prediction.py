@@ -285,6 +285,21 @@ def rotors_of(recording: Recording, actuators: Sequence[Actuator]) -> Any:
     if rotors is None or rotors.count != count:
         needed = f"an actuator `kind: thrusters` with `thrust_constant` and {count} thrusters"
         raise EqtError(f"{place} need {needed}")
+    expected = [f"n{k}" for k in range(1, count + 1)]
+    if wrong := [name for name in recording.rotors if name not in expected]:
+        raise EqtError(
+            f"{recording.place}: expected the speeds {expected[0]} to {expected[-1]} of {count} "
+            f"rotors, got {wrong[0]}; rotor k has the column nk"
+        )
+    speeds = recording.speeds
+    same = (speeds < 0) & (rotors.pushed(speeds) == rotors.pushed(np.abs(speeds)))
+    if (below := np.argwhere(same & (rotors.pushed(speeds) != 0))).size:  # propellers have a sign
+        row, rotor = below[0].tolist()
+        raise EqtError(
+            f"{recording.place}: {expected[rotor]} is {speeds[row, rotor]:g} rad/s at "
+            f"t = {recording.times[row]:g} s; expected speeds of at least 0, since a rotor pushes "
+            "with k n² along its axis and `turns` says in which sense it turns"
+        )
     return rotors
 
 

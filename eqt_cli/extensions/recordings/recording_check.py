@@ -1,6 +1,6 @@
 """Recordings as motions on a group, components that follow one, and checks for oddities."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import combinations, permutations
@@ -330,6 +330,8 @@ class Recording:
         Remarks on oddities in the file.
     speeds : (n, r)
         Speeds of rotors, rad/s, if they were recorded.
+    rotors
+        The columns that they are from: n1, n2, …
     """
 
     name: str
@@ -343,6 +345,7 @@ class Recording:
     timed: bool = False
     notes: tuple[str, ...] = ()
     speeds: Array = field(default_factory=lambda: np.empty((0, 0)))
+    rotors: Sequence[str] = ()
 
     def require_wrenches(self) -> Array:
         """Return the wrenches, or raise an `InputError` if one was not measured."""
@@ -384,9 +387,11 @@ def recording_of(log: Log) -> Recording:
         velocities = np.where(unknown, np.nan, np.nan_to_num(velocities) @ Ad.T)
     motion = log.times, log.moved_poses, velocities, wrenches, log.gaps
     is_timed = log.mapping.time.offset is not None
-    speeds = [log.table.get(log.speeds)] if log.speeds else []
     place = log.table.name, log.sheet.header_place
-    return Recording(*place, G, *motion, is_timed, tuple(notes(log)), *speeds)
+    made = Recording(*place, G, *motion, is_timed, tuple(notes(log)))
+    if not log.speeds:
+        return made
+    return replace(made, speeds=log.table.get(log.speeds), rotors=log.speeds)
 
 
 # Components that name the file of a recording -----------------------------------------------------

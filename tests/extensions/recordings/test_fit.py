@@ -20,6 +20,7 @@ from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.propellers import Propellers
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import build
 from eqt_cli.extend import group_named
@@ -345,6 +346,8 @@ class Rows:
     wrenches: np.ndarray
     group: object
     place: str = "flight.csv:1"
+    rotors: tuple = ()
+    times: tuple = (0.5,)
 
 
 def test_speeds_of_propellers_are_thrusts_by_their_curve():
@@ -355,6 +358,20 @@ def test_speeds_of_propellers_are_thrusts_by_their_curve():
     assert by_rotors(Vehicle(actuators=(part,)), rows).wrenches[0] == pytest.approx(
         [1.6, -0.8, 0.0]
     )
+
+
+@pytest.mark.parametrize(
+    ("speeds", "names", "said"),
+    [
+        ([1, 2, 3, 4], "n1 n2 n3 n5", "…expected the speeds n1 to n4 of 4 rotors, got n5…"),
+        ([1, -2, 3, 4], "n1 n2 n3 n4", "…n2 is -2 rad/s at t = 0.5 s; expected…at least 0…"),
+    ],
+)
+def test_what_are_no_speeds_of_rotors_is_refused(speeds, names, said):
+    rows = Rows(np.array([speeds]) * 1.0, np.full((1, 3), np.nan), group_named("SO3"))
+    rows.rotors = tuple(names.split())
+    part = Thrusters(matrix=np.ones((3, 4)).tolist(), thrust_constant=1e-5)
+    assert mentions(refusal(EqtError, by_rotors, Vehicle(actuators=(part,)), rows), said)
 
 
 @pytest.mark.ci("compiles a plant and fits three numbers")
