@@ -209,9 +209,16 @@ def _accuracy(result: Result, laws: list[dict[str, Any]]) -> Iterator[str]:
         yield f"{method} to {check.difference:.0e}" + (f" ({beginning})" if beginning else "")
 
 
-def _doubts(result: Result) -> Iterator[str]:
-    """Yield remarks on a cross-check that does not hold, and on estimates above the tolerance."""
+def drift_beyond(result: Result) -> float:
+    """Return how far poses leave the group, if that is more than the cross-check allows; else 0."""
     check = result.cross_check
+    drift = float(result["group_drift"][result.good].max(initial=0.0))
+    return drift if check and drift > check.bound else 0.0
+
+
+def _doubts(result: Result) -> Iterator[str]:
+    """Yield remarks on a check that does not hold, and on estimates above the tolerance."""
+    check, drift = result.cross_check, drift_beyond(result)
     if check and not check.holds:
         where = f"'{check.law}'" if check.law else "the laws"
         yield (
@@ -219,7 +226,7 @@ def _doubts(result: Result) -> Iterator[str]:
             "solver.rtol, or look for kinks and discontinuities there; or, in code, for what it "
             "keeps from call to call and `memory` does not name"
         )
-    elif check and (drift := result["group_drift"][result.good].max(initial=0.0)) > check.bound:
+    elif check and drift:
         yield (
             f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
             f"cross-check, {check.bound:.1g}; tighten solver.rtol"

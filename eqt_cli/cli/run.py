@@ -231,7 +231,7 @@ def report(
     done: StoredResult, shard: Shard | None = None, *, json: bool, with_plugins: bool = False
 ) -> None:
     """Print the outcome; exit with 3 if runs failed, or 4 if the cross-check does not hold."""
-    from eqt_cli.cli.result_tables import outcome_record
+    from eqt_cli.cli.result_tables import drift_beyond, outcome_record
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
@@ -253,6 +253,9 @@ def report(
             disagrees = check is not None and not check.holds
             if disagrees:
                 causes.append("the cross-check does not hold")
+            elif drift := drift_beyond(results):
+                disagrees = True
+                causes.append(f"poses leave the group by {drift:.2g}")
             if json:
                 points = results.points if results.is_sweep else None
                 document = {

@@ -280,6 +280,8 @@ def test_poses_that_leave_the_group_are_told(eqt):
         "eqt: poses leave the group by 0.002, more than the bound of the cross-check, 0.001; "
         "tighten solver.rtol\n"
     )
+    again = eqt("run", "c.yaml", "--json", "--set", "solver.cross_check=1")
+    assert (again.code, json.loads(again.out)["causes"]) == (4, ["poses leave the group by 0.002"])
 
 
 # eqt results ------------------------------------------------------------------------------------
