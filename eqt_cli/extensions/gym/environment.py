@@ -230,8 +230,8 @@ def _check(name: str, loop: Any) -> None:
         )
     if vehicle.clocks:
         raise EqtError(
-            f"{name}: control: {' and '.join(vehicle.clocks)} act at other times than each tick, "
-            "and an environment has one rate; give all one period"
+            f"{name}: control: not all parts act at each tick ({', '.join(vehicle.clocks)}), and "
+            "an environment has one rate; give all one period, and delays in whole periods"
         )
     if vehicle.estimates:
         raise EqtError(
@@ -340,7 +340,7 @@ class Environment(VectorEnv[Array, Array, Array]):
             left = _hashed(self._order, np.arange(self.num_envs), 0, FIRST_END)
             self._horizon = 1 + (left % np.uint64(self.plant.ticks)).astype(int)
         self._started = True
-        self._observed[:] = self.plant.observe()
+        np.copyto(self._observed, self.plant.observe(), where=~self.plant.failed[:, None])
         return self._observations(), self._info()
 
     def _begin(self, which: Array, runs: Array | None) -> None:

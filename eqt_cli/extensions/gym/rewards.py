@@ -187,7 +187,9 @@ class MetricReward:
 
 
 def _adds(quantity: Any) -> bool:
-    return isinstance(quantity, Measure) and quantity.stored and quantity.of in ADDED
+    """Return whether a quantity is stored, and a mean or an integral over the whole run."""
+    whole = isinstance(quantity, Measure) and quantity.stored and not quantity.choices
+    return whole and quantity.of in ADDED
 
 
 class FunctionReward:
