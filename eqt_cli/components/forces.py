@@ -177,7 +177,8 @@ def in_currents(
     if not moving:
         return acting
     floating = [f.displaced(G) for f in acting if isinstance(f, Restoring) and np.any(f.buoyancy)]
-    masses: dict[str, Any] = {"added": inertia and inertia.at(0.0).added}
+    added = None if inertia is None else inertia.at(0.0).added
+    masses: dict[str, Any] = {"added": added}
     masses["displaced_mass"] = sum(floating) if floating else None
     k = moving[0]
     return (*acting[:k], with_fields(acting[k], **masses), *acting[k + 1 :])

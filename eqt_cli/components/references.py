@@ -299,10 +299,10 @@ class ReferenceAhead(TimeVarying):
         pieces, rows = self.pieces or [self.reference] * len(self.after), dict[str, list[Array]]()
         for piece, s in zip(pieces, self.after, strict=True):
             state = piece.desired(G, inertia.at(t + s), t + s, None, None)
+            values = dict(zip(LATER[:3], (state.Q, state.V, state.tau), strict=True))
             flat = piece.flat_output(G, t + s) if LATER[3] in self.names else None
-            values = dict(
-                zip(LATER, (state.Q, state.V, state.tau, flat and flat.position), strict=True)
-            )
+            if flat is not None:
+                values[LATER[3]] = flat.position
             for name in self.names:
                 value, axes = values[name], AXES[name] - 1
                 whole = (*batch, *value.shape[value.ndim - axes :])

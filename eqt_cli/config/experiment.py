@@ -178,9 +178,8 @@ class Experiment:
                 f"not the inertia of a rigid body: its {broken}; correct it, or add "
                 "`rigid: false` if the system is not one rigid body",
             )
-        model, acting = self.config.model, {each.name for each in self.loop.vehicle.forces}
-        known = model.forces if model and not isinstance(model.forces, str) else None
-        if "restoring" in {each.name for each in known or ()} - acting:
+        known, acting = self.config.known_forces, {x.name for x in self.loop.vehicle.forces}
+        if isinstance(known, list) and "restoring" in {x.name for x in known} - acting:
             yield (
                 ("plant", "forces"),
                 "lacks the weight that model.forces has, so that laws hold the body against "
@@ -233,7 +232,7 @@ class Experiment:
         complete = config.model_dump(  # without what searches read, which changes no run
             exclude=set(schema.marked(schema.SEARCH)), exclude_none=True, warnings="none"
         )
-        if config.plant and config.plant.forces and config.model and config.model.forces:
+        if config.plant and config.plant.forces and config.known_forces:
             complete["model"] = self.document.data["model"]  # as it is written, as in all digests
         if config.gains:
             complete["gains"] = sections.kp_and_kd(config.gains, self.group, Problems())
@@ -673,8 +672,8 @@ def with_model(
     """
     laws, pushed, directions = dict(laws), pushes(vehicle, G), list[Any]()
     vehicles = dict[str, Vehicle]()
-    acts, model = config.plant, config.model
-    acting = acts is not None and acts.forces and not (model and model.forces == "plant")
+    acts = config.plant
+    acting = acts is not None and acts.forces and config.known_forces != "plant"
     plant = PlantModel(
         inertia,
         known,

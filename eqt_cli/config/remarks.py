@@ -99,7 +99,7 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
     now = now if true is None else true.at(now, 0.0)
     section = "plant" if plant and plant.forces else "model"
-    model = experiment.config.model and experiment.config.model.forces
+    model = experiment.config.known_forces
     if section == "plant" and model and model != "plant":  # what laws know need not be what acts
         means = [force.of_run(G, None) for force in model]
         yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")

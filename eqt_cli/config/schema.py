@@ -1069,6 +1069,11 @@ class Config(Section):
     metrics: Annotated[list[AnyMetric] | None, NotSwept("decides what a result contains")] = None
     plugins: Annotated[list[str], NotSwept("is loaded once")] = []
 
+    @property
+    def known_forces(self) -> Any:
+        """The forces of `model`, or `plant`; None where laws know none."""
+        return None if self.model is None else self.model.forces
+
 
 def marked(mark: Mark) -> list[str]:
     """Return the keys of `Config` with a mark."""

@@ -597,7 +597,7 @@ def vehicle_from(
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
-    known, forces = config.model and config.model.forces, plant.forces
+    known, forces = config.known_forces, plant.forces
     if forces is None and isinstance(known, list):
         forces = known
     if isinstance(known, list) and known and forces == []:
@@ -735,7 +735,7 @@ def _times(
 
 def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
     """Return the forces that laws with a model know, with their mean numbers."""
-    known = config.model and config.model.forces
+    known = config.known_forces
     if known == "plant":
         return vehicle.forces
     known_parts = tuple(part.of_run(G, None) for part in known or ())

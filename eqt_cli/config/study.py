@@ -306,7 +306,9 @@ class Study:
             whole = self.sweep
             sweep = Sweep(whole.blocks, whole.section, self.shapes[index], whole.rules)
             base = build(at_point(document, sweep, 0))
-            plans = self.planned and Plans(self.planned.plans[index : index + 1])
+            plans = None
+            if self.planned is not None:
+                plans = Plans(self.planned.plans[index : index + 1])
             self._pieces[index] = Study(sweep, base, document, plans, self)
         return self._pieces[index]
 

@@ -173,8 +173,9 @@ class Problem:
         """The loop at the start of the runs, and their states after a sampled law has acted."""
         loop, states, t = self.batched_loop(), self.states, float(self.times[0])
         if loop.vehicle.control is not None:
-            drawn = self.drawn()
-            errors = drawn and drawn.measured(loop.group, slice(None), 0)
+            drawn, errors = self.drawn(), None
+            if drawn is not None:
+                errors = drawn.measured(loop.group, slice(None), 0)
             states = loop.after_instant(t, states, errors)
         return loop.holding(t), states
 

@@ -150,9 +150,11 @@ def compute_part(
                 assert reference is not None
                 law = block.problem.loop.controller
                 code = law if isinstance(law, RunsCode) else None
-                _ = code and code.drained()  # of earlier attempts
+                if code is not None:
+                    code.drained()  # of earlier attempts
                 slab.add(block, _solve(block, reference, *slab.wanted(block), context))
-                slab.seconds = np.append(slab.seconds, code.drained() if code else [])
+                if code is not None:
+                    slab.seconds = np.append(slab.seconds, code.drained())
                 if not slab.ended[block.rows].all():
                     raise StoppedPart(slab)
     return slab

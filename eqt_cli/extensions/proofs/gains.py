@@ -133,7 +133,9 @@ class _Search:
         if why := why or (rates[0].gain.refused if rates[0].gain else ""):
             raise InputError(why)
         [one] = rates
-        number = (one.gain and one.gain.peak) if self.push else one.rate and float(one.rate)
+        number = None if one.rate is None else float(one.rate)
+        if self.push:
+            number = one.gain.peak if one.gain else None
         return one, float(proofs.rounded(number, 4, up=self.push > 0)) if number else None
 
     def powers(self) -> dict[str, int]:

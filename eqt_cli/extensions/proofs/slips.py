@@ -165,7 +165,7 @@ def _unread_momentum(experiment: Experiment) -> Placed:
 def _without_effect(experiment: Experiment) -> Placed:
     """Yield what changes nothing, and numbers of laws that are not stored."""
     config = experiment.config
-    model, acting = config.model and config.model.forces, experiment.loop.vehicle.forces
+    model, acting = config.known_forces, experiment.loop.vehicle.forces
     if model == "plant" and not acting:
         yield ("model", "forces"), "names the forces of the plant, which has none"
     if not model or (model == "plant" and not acting):

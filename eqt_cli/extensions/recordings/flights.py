@@ -291,7 +291,9 @@ def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRa
         word = Word.ALIKE if is_alike else word
         least = least_pairs(len(errors)) if paired else FEWEST
         needed = runs_to_decide(ends.value / spread, CONFIDENCE)
-        needed = needed and max(needed, least, (min(len(x), len(y)) + 1) * (not decided))
+        if needed is not None:
+            more = 0 if decided else min(len(x), len(y)) + 1
+            needed = max(needed, least, more)
         row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
         yield FlightRatio(*row)
 

@@ -357,8 +357,8 @@ def check_thrusts(vehicle: Vehicle, request: Request, mass: float) -> None:
                 f"{rotor.place}: {rotor.name} pushes by {rotor.low or 0:g} N at least and "
                 f"{rotor.high:g} N at most; correct its limits, or give --thrust=LOW,HIGH"
             )
-        if top_only := (rotor.high or 0.0) > most and rotor.high:
-            raise EqtError(f"{rotor.place}: {top_only:.3g} N is over 1000 weights; give --thrust")
+        if rotor.high is not None and rotor.high > most:
+            raise EqtError(f"{rotor.place}: {rotor.high:.3g} N is over 1000 weights; give --thrust")
 
 
 # Water --------------------------------------------------------------------------------------------
