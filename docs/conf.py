@@ -26,6 +26,7 @@ extensions = [
     "drawings",
     "symbols",
     "offline",
+    "live_page",
 ]
 
 # Pages.

@@ -75,7 +75,7 @@ def live(
         overrides = {**(overrides or {}), "sweep": None}
         study = load_experiment(config, overrides)
     settings = {**(overrides or {}), **_engine(study.base.engine)}
-    words = ["eqt", "run", str(config)]
+    words = ["eqt", "run", config.name if config.is_absolute() else str(config)]
     words += [] if isinstance(study.base.engine, Native) else ["--engine", "native"]
     for key, value in (overrides or {}).items():
         words += ["--set", f"{key}={flow(value)}"]
