@@ -264,9 +264,16 @@ class Winners(OfDifferences):
         wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
         points = len(wins.cells)
         if wins.has_too_few_runs:
-            swept.note = f"no winners: {wins.runs} runs are too few, it takes {wins.fewest}"
-        elif wins.wins(NOBODY) == points:
-            swept.note = "no law wins at any point"
+            raise swept.error(
+                f"shows who wins, and with {wins.runs} runs nobody can; it takes at least "
+                f"{wins.fewest}: --set ensemble.runs={wins.fewest}"
+            )
+        if wins.wins(NOBODY) == points:
+            words = ", ".join(f"{word} {count}" for word, count in wins.without_winners().items())
+            raise swept.error(
+                f"shows who wins, and no law wins at any of {points} points ({words}); draw "
+                "'forest' for the differences, or compute more runs"
+            )
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)

@@ -37,6 +37,12 @@ CONES = [{"axis": [0, 0, 1], "at": [1, 0, "sin(t)"], "angle": "40 deg"}]
 SWEEP = {
     "sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}],
     "ensemble": {"runs": 8, "seed": 1},  # the fewest of which a win is significant
+    # EqT wins, from rest, against a law that is damped so much that it hardly moves.
+    "controllers": ["eqt", {"kind": "gt", "gains": {"kp": 0.2, "kd": 50}}],
+    "initial": {
+        "pose": {"kind": "exp_normal", "std": 1.0},
+        "velocity": {"kind": "normal", "std": 1e-3},
+    },
 }
 SMALL = {"budget": 1, "population": 5, "seeds": 1}
 TUNE = SMALL | {

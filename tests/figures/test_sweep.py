@@ -297,12 +297,15 @@ def test_winners_are_those_of_the_comparison(swept, altered, picture):
     image = picture(Winners(metric="effort", confidence=0.9), results).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
+    legend = [text.get_text() for text in image.figure.legends[0].get_texts()]
+    assert legend == ["undecided: 4", "EqT: 1", "GT: 1"]
 
 
-def test_with_too_few_runs_no_law_can_win(swept):
-    drawing = Winners(metric="effort").draw([swept(TWO)], captions=[])
-    assert not np.asarray(drawing.axes[0].collections[0].get_array()).any()
-    assert drawing.get_supxlabel() == "no winners: 6 runs are too few, it takes 8"
+def test_a_map_without_a_winner_is_refused(swept):
+    with pytest.raises(EqtError, match=r"with 6 runs nobody can.*ensemble\.runs=8"):
+        Winners(metric="effort").draw([swept(TWO)])
+    with pytest.raises(EqtError, match=r"at any of 6 points \(undecided 6\); draw 'forest'"):
+        Winners(metric="effort").draw([swept(TWO, **MORE_RUNS)])
 
 
 def test_cells_over_one_key_are_as_high_as_the_panel(swept, picture):
@@ -361,21 +364,14 @@ def test_a_forest_is_of_two_laws(swept):
 
 def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
     results = swept(TWO, **MORE_RUNS)
-    status = results["status"].copy()
+    status, effort = results["status"].copy(), results["effort"].copy()
     status[0, 0, 0] = 1
-    drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
+    effort[1, 0] /= 100
+    changed = altered(results.path, status=status, effort=effort)
+    drawing = Winners(metric="effort").draw([changed])
     first, *_ = drawing.get_supxlabel().split("\n")
     assert first.startswith("Law and number: the better mean, and the median difference")
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
-
-
-def test_undecided_points_are_white(swept, picture):
-    results = swept(TWO, **MORE_RUNS)
-    drawing = picture(Winners(metric="effort"), results)
-    assert not np.asarray(drawing.axes[0].collections[0].get_array()).any()
-    legend = [text.get_text() for text in drawing.legends[0].get_texts()]
-    assert legend == ["undecided: 6", "EqT: 0", "GT: 0"]
-    assert not drawing.axes[0].texts
 
 
 def test_cases_are_not_joined_by_lines(swept, picture):
