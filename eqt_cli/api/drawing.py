@@ -36,6 +36,7 @@ def plot(
     *,
     formats: Sequence[str] = ("pdf", "svg", "png"),
     width: str = "column",
+    dpi: float | None = None,
     options: Mapping[str, Any] | None = None,
     titles: Mapping[str, str] | None = None,
     style: Sequence[str] = (),
@@ -61,9 +62,12 @@ def plot(
         Output folder. Default: ``figures`` in the folder of the first result, or ``figures/<name>``
         for a configuration.
     formats
-        ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
+        ``pdf``, ``svg``, ``png``, ``tiff``, or ``json`` for the numbers.
     width
-        ``column`` (3.5 in), ``page`` (7.16 in) or ``slide`` (13.3 in, 18 pt).
+        ``column`` (3.5 in), ``page`` (7.16 in), ``slide`` (13.3 in, 18 pt), or a length such as
+        ``84 mm``.
+    dpi
+        Dots per inch of ``png`` and ``tiff``. Default: 300, or those of `style`.
     options
         Options of the figure, as ``{"controllers": ["eqt", "gt"], "start": 0, "end": 5}``.
     titles
@@ -132,7 +136,7 @@ def plot(
                     formats,
                     width,
                     options,
-                    style=Style(tuple(style)),
+                    style=Style(tuple(style), dpi=dpi),
                     measured=beside,
                 )
                 reporter().advance(1)
@@ -182,12 +186,13 @@ def figure(
     >>> _ = panels["torque_norm"].axhline(0.5, color="black")
     >>> figure.savefig("edited.pdf")
     """
-    from eqt_cli.figures.render import figure_from, one_of
-    from eqt_cli.figures.style import WIDTHS, Style
+    from eqt_cli.figures.render import figure_from
+    from eqt_cli.figures.style import Style, width_of
 
-    wanted, of_width = figure_from(name, options or {}), one_of("width", width, list(WIDTHS))
+    wanted, (of_width, inches) = figure_from(name, options or {}), width_of(width)
+    sheets = Style(tuple(style), width=of_width, inches=inches)
     with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
-        return wanted.draw(opened, of_width, style=Style(tuple(style), width=of_width), axes=axes)
+        return wanted.draw(opened, of_width, style=sheets, axes=axes)
 
 
 def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) -> None:

@@ -614,6 +614,7 @@ _MARKS = (
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
     re.compile(rb"% caption by eqt: "),
+    re.compile(rb"II\*\0.*?eqt \d", re.DOTALL),
     re.compile(rb"# found by eqt (tune|worst|fit|log)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
@@ -632,6 +633,9 @@ def is_eqts(path: Path) -> bool:
         return False
     with path.open("rb") as stream:
         block = stream.read(_HEAD)
+        if block.startswith(b"II*"):  # TIFF, whose tags stand behind the picture
+            stream.seek(-min(_HEAD, stream.seek(0, os.SEEK_END)), os.SEEK_END)
+            block += stream.read()
         if not block.startswith(b"%PDF"):
             return any(mark.match(block) for mark in _MARKS)
         # In blocks: a mapped file that another process shortens would kill this one.

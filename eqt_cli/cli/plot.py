@@ -51,9 +51,10 @@ def plot(
         list[str] | None, options.option("--option", autocompletion=completion.figure_options)
     ] = None,
     format_: Annotated[
-        list[str] | None, options.option("--format", known=("pdf", "svg", "png", "json"))
+        list[str] | None, options.option("--format", known="pdf svg png tiff json".split())
     ] = None,
     width: Annotated[str, options.option("--width", known=("column", "page", "slide"))] = "column",
+    dpi: Annotated[float | None, options.option("--dpi", min=10, max=2400)] = None,
     controller: options.Controllers = None,
     panel: Annotated[
         list[str] | None, options.option("--panel", autocompletion=completion.panels)
@@ -90,7 +91,8 @@ def plot(
     Looks
         --option KEY=VALUE  Option of a figure: log=true for all that have it, runs.log=true for
             one. `eqt list figures` shows the options.
-        --width NAME  column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).
+        --width NAME  column (3.5 in), page (7.16 in), slide (13.3 in, 18 pt), or a length such
+            as '84 mm'.
         --title NAME=TEXT  Name of a law or metric in the figure, such as eqt=ours.
             Repeatable.
         --colour LAW=COLOUR  Colour of a law, such as eqt=black or 'gt=#D9600A'. Repeatable.
@@ -98,7 +100,9 @@ def plot(
         --style NAME|FILE  Matplotlib style sheet, applied after eqt's own. Repeatable; the last
             wins.
     Result
-        --format NAME  pdf, svg, png, or json for the numbers. Repeatable. Default: all pictures.
+        --format NAME  pdf, svg, png, tiff, or json for the numbers. Repeatable. Default: pdf,
+            svg and png.
+        --dpi N  Dots per inch of png and tiff. Default: 300, unless a style says otherwise.
         --out DIR  Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG.
     """
     from eqt_cli import api
@@ -128,6 +132,7 @@ def plot(
         out,
         formats=format_ or FORMATS,
         width=width,
+        dpi=dpi,
         titles=options.pairs("--title", title),
         style=style or (),
         point=point,

@@ -27,10 +27,10 @@ from eqt_cli.base.version import __version__
 from eqt_cli.figures.figure import Figure, figures
 from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
 from eqt_cli.figures.shown import DesiredMotion, names
-from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, sentence
+from eqt_cli.figures.style import ENLARGED, HOUSE, Style, house_style, sentence, width_of
 from eqt_cli.results.result import Result
 
-Format = Literal["pdf", "svg", "png"]
+Format = Literal["pdf", "svg", "png", "tiff"]
 
 _DATE = "SOURCE_DATE_EPOCH"
 
@@ -38,6 +38,8 @@ _SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
 """Width or height in an SVG file; those of the whole picture come first."""
 
 _MAKER = f"eqt {__version__}"
+_SOFTWARE = 305
+"""Tag of the program that wrote a TIFF file."""
 
 logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates in Matplotlib's fonts
 
@@ -63,9 +65,12 @@ def encode(
     arranged = rc_context({"figure.constrained_layout.use": False, "svg.fonttype": letters})
     with house_style(style), arranged, _without_date():
         drawing.set_layout_engine(None)
-        if format == "png":
+        if format in ("png", "tiff"):
             dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
             more |= {"dpi": times * dots, "pil_kwargs": {"dpi": (dots, dots)}}
+        if format == "tiff":
+            del more["metadata"]
+            more["pil_kwargs"] |= {"compression": "tiff_lzw", "tiffinfo": {_SOFTWARE: _MAKER}}
         drawing.savefig(buffer, format=format, **more)
     if format != "svg":
         return buffer.getvalue()
@@ -223,7 +228,8 @@ def _text(value: float) -> str:
 
 Choice = TypeVar("Choice", bound=str)
 
-FORMATS: tuple[Format, ...] = get_args(Format)
+FORMATS: tuple[Format, ...] = ("pdf", "svg", "png")
+"""Formats of a picture that nobody asked for by name."""
 DRAWN = "figures drawn"
 """Name of the progress count of figures."""
 NUMBERS: Literal["json"] = "json"
@@ -275,9 +281,9 @@ def render(
         what the figure shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    wanted = [one_of("format", name, (*FORMATS, NUMBERS)) for name in formats]
-    of_width = one_of("width", width, list(WIDTHS))
-    style = replace(style, width=of_width)
+    wanted = [one_of("format", name, (*get_args(Format), NUMBERS)) for name in formats]
+    of_width, inches = width_of(width)
+    style = replace(style, width=of_width, inches=inches)
     captions: list[str] = []
     drawing = figure.draw(
         results,

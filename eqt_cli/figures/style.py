@@ -1,6 +1,7 @@
 """Colours, lines, fonts and sizes of figures, and text as LaTeX."""
 
 import ast
+import math
 import re
 import traceback
 import unicodedata
@@ -23,6 +24,7 @@ from matplotlib.style import use
 
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import refusals, text_in
+from eqt_cli.base.option_types import Written, has_unit, number_of
 
 # Text and letters for LaTeX; it knows no figure --------------------------------------------------
 
@@ -247,6 +249,31 @@ WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLAR
 """Layout widths of one and of both columns of a two-column journal (IEEE's, among others) and of a
 slide, in."""
 
+LEAST_WIDTH, MOST_WIDTH = 1.5, 14.0
+"""Ends of the widths that a journal may ask for, in."""
+
+
+def width_of(text: str) -> tuple[Width, float | None]:
+    """Return the layout for a width, and its inches where it is a length such as ``84 mm``.
+
+    Raises
+    ------
+    EqtError
+        If it is neither a name nor such a length.
+    """
+    for name in WIDTHS:
+        if text == name:
+            return name, None
+    inches = number_of(Written(text, ["m"])) / 0.0254 if has_unit(text) else math.nan
+    if not LEAST_WIDTH <= inches <= MOST_WIDTH:
+        ends = " to ".join(f"{25.4 * end:.0f} mm" for end in (LEAST_WIDTH, MOST_WIDTH))
+        raise EqtError(
+            f"unknown width '{text}'{suggestion(text, [*WIDTHS]) or ';'} known: "
+            f"{', '.join(WIDTHS)}, and lengths of {ends}"
+        )
+    return "column" if inches < 5 else "page", inches
+
+
 _PRESENT: Any = matplotlib.rcParams
 
 _SHEETS = Path(__file__).parent
@@ -292,10 +319,16 @@ class Style:
         Matplotlib style sheets, by path or by name; later ones win.
     width
         Width of the figure: a slide has type of its own.
+    inches
+        Width of the paper where it is not that of the layout, in.
+    dpi
+        Dots per inch of pictures of dots; None for those of the sheets.
     """
 
     sheets: tuple[str, ...] = ()
     width: Width = "column"
+    inches: float | None = None
+    dpi: float | None = None
 
     @cached_property
     def settings(self) -> Settings:
@@ -312,6 +345,8 @@ class Style:
         if self.width == "slide":
             of_sheets = read_file(_SHEETS / "slide.mplstyle") | of_sheets
         settings = read_file(_SHEETS / "eqt.mplstyle") | of_sheets | _FIXED
+        if self.dpi is not None:
+            settings["savefig.dpi"] = self.dpi
         return settings | {"font.family": _installed(settings)}
 
 
@@ -352,7 +387,7 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         If a sheet is wrong.
     """
     settings = style.settings
-    with matplotlib.rc_context():
+    with matplotlib.rc_context(), _as_wide(style):
         matplotlib.rcdefaults()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # on machine keys, which `use` omits
@@ -362,6 +397,17 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
             _PRESENT["grid.color"] = ink(_GRID)
         with _moderate_numbers():
             yield
+
+
+@contextmanager
+def _as_wide(style: Style) -> Iterator[None]:
+    """Give a layout the width of the paper for a while."""
+    usual = WIDTHS[style.width]
+    WIDTHS[style.width] = style.inches or usual
+    try:
+        yield
+    finally:
+        WIDTHS[style.width] = usual
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from typing import get_args
 
 import pytest
 from case_tables import from_yaml
@@ -15,7 +16,7 @@ from eqt_cli.cli.show import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.engines.engine import engines
 from eqt_cli.figures.figure import figures
-from eqt_cli.figures.render import FORMATS as PICTURES
+from eqt_cli.figures.render import Format
 
 
 @pytest.fixture(autouse=True)
@@ -80,7 +81,7 @@ def test_the_options_are_those_of_the_figures(complete):
 
 def test_words_are_what_is_accepted(complete):
     assert complete("eqt show out --format ") == list(FORMATS)
-    assert complete("eqt plot out --format ") == [*PICTURES, "json"]
+    assert complete("eqt plot out --format ") == [*get_args(Format), "json"]
     assert complete("eqt list ") == [*all_kinds(), "configs"]
     assert complete("eqt config new --from ") == shipped.names()
 

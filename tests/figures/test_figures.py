@@ -16,16 +16,18 @@ import pytest
 from ci_cases import mostly_ci
 from flaws import flaws
 from matplotlib.figure import Figure
+from PIL import Image
 from said import error_of, says
 
+from eqt_cli.api import plot
 from eqt_cli.api.loading import open_at
-from eqt_cli.extend import Commands, EstimateFigure
+from eqt_cli.extend import Commands, EqtError, EstimateFigure
 from eqt_cli.figures.figure import OfReference, OfSweep, OverTime, figures
 from eqt_cli.figures.layout import freeze
 from eqt_cli.figures.render import encode, render
 from eqt_cli.figures.style import house_style
 
-FORMATS = ("pdf", "svg", "png")
+FORMATS = ("pdf", "svg", "png", "tiff")
 
 # Figures of sweeps, searches, rates, recordings, actuators and estimates have tests of their own.
 OTHERS = OfSweep | Commands | EstimateFigure
@@ -239,6 +241,20 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
         "new/figures/paper-caption.tex",
     ]
     assert sorted(files) == sorted((tmp_path / "new" / "figures").iterdir())
+
+
+@pytest.mark.ci("draws a figure three times")
+@unarranged
+def test_a_journal_gets_its_width_and_resolution(so3, tmp_path):
+    for _ in range(2):  # of which the second replaces files of eqt
+        files = plot(so3, "torque", tmp_path, formats=("tiff", "svg"), width="84 mm", dpi=100)
+    tiff, svg = files[:2]
+    assert b'width="238.11' in svg.read_bytes()
+    with Image.open(tiff) as picture:
+        assert picture.width == int(84 / 25.4 * 100)
+        assert picture.info["dpi"] == (100, 100)
+    with pytest.raises(EqtError, match=r"unknown width '3 km'; known: column, .* lengths of 38 mm"):
+        plot(so3, "torque", tmp_path, width="3 km")
 
 
 def test_the_name_of_a_colour_scale_stays_beside_its_numbers():
