@@ -153,8 +153,9 @@ def test_wrong_options_are_explained(name, options, message):
 def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
     assert (
         error_of(render, [opened(so3)], "summary", tmp_path, ["pdf", "jpeg"])
-        == "unknown format 'jpeg'; known: pdf, svg, png, json"
+        == "unknown format 'jpeg'; known: pdf, svg, png, tiff, json"
     )
     assert error_of(render, [opened(so3)], "summary", tmp_path, ["pdf"], "columns") == (
-        "unknown width 'columns'; did you mean 'column'? known: column, page, slide"
+        "unknown width 'columns'; did you mean 'column'? known: column, page, slide, "
+        "and lengths of 38 mm to 356 mm"
     )
