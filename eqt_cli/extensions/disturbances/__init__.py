@@ -1,0 +1,8 @@
+"""Disturbances of benchmarks: wind with the spectrum of Dryden."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("forces", "dryden", "dryden")
