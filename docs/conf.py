@@ -23,6 +23,7 @@ extensions = [
     "long_names",
     "redirects",
     "descriptions",
+    "finding",
     "drawings",
     "symbols",
     "offline",

@@ -84,6 +84,47 @@ def escaped(text: str) -> str:
     return "".join(parts)
 
 
+# Topics -------------------------------------------------------------------------------------------
+
+
+@part
+def topics() -> Iterator[str]:
+    """What people have and want, with the command and the page."""
+    from eqt_cli.extensions.finding.finding import topics as all_topics
+
+    rows = []
+    for topic in all_topics():
+        title = re.search("^# (.*)", (DOCS / topic.page.partition("#")[0]).read_text(), re.M)
+        assert title
+        link = f"[{title[1]}](../{topic.page})".replace("(../howto/", "(")
+        rows.append([topic.have, topic.want, code(topic.command), link])
+    yield from table(["I have", "and want", "command", "page"], rows)
+
+
+# What laws read -----------------------------------------------------------------------------------
+
+
+@part
+def tracking() -> Iterator[str]:
+    """The members of `Tracking`: its fields, then what follows from them."""
+    from functools import cached_property
+
+    from eqt_cli.components.mechanics import Tracking
+
+    attributes = inspect.cleandoc(Tracking.__doc__ or "").partition("----------\n")[2]
+    rows = []
+    for names, meaning in re.findall(r"^(\S.*)\n((?:    .*\n?)+)", attributes, re.M):
+        words, _, shape = names.partition(" : ")
+        rows.append(
+            [", ".join(map(code, words.split(", "))), code(shape) if shape else "", meaning]
+        )
+    for name, member in vars(Tracking).items():
+        if isinstance(member, cached_property) and not name.startswith("_"):
+            first = inspect.cleandoc(member.__doc__ or "").partition("\n\n")[0]
+            rows.append([code(name), "", first])
+    yield from table(["`s.` …", "shape", "is"], [[*row[:2], escaped(row[2])] for row in rows])
+
+
 # Commands -----------------------------------------------------------------------------------------
 
 

@@ -21,6 +21,7 @@ from eqt_cli.base.extensions import (
     START,
     CommandPlace,
     Extension,
+    functions_for,
     imported,
     shipped,
     usable,
@@ -94,7 +95,8 @@ def _typed_value(parameter: Any) -> str:
 def _hint(typed: str, context: Any) -> str:
     """Suggest an option or command similar to the unknown one."""
     if not typed.startswith("-"):
-        return suggestion(typed, getattr(context.command, "commands", {}))
+        lead = "".join(hint(typed) for hint in functions_for("command for a word"))
+        return lead or suggestion(typed, getattr(context.command, "commands", {}))
     value = typed.lstrip("-")
     for each in context.command.params:  # a format typed as an option, such as --latex
         if "--format" in each.opts and value in re.findall(r"\w+", each.help or ""):

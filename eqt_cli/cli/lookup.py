@@ -33,9 +33,9 @@ def list_components(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="KIND|NAME",
+            metavar="KIND|NAME|WORD",
             help=f"{', '.join(all_kinds())}, configs, laws or starts, in singular or plural; "
-            "or the name of a component. Default: counts all kinds.",
+            "or the name of a component, or a word to search for. Default: counts all kinds.",
             autocompletion=completion.listed,
         ),
     ] = None,
@@ -54,8 +54,7 @@ def list_components(
         load_plugin(path)
     named = kinds if kind is None else [name for name in kinds if name in _plurals(kind)]
     if not named:
-        _explain(str(kind), kinds, json)
-        return
+        return _explain(str(kind), kinds, json)
     listed = {name: _described(name) for name in named}
     if json or kind is None:
         counts = [[name, str(len(of))] for name, of in listed.items()]
@@ -81,12 +80,15 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
     from eqt_cli.config.json_schema import keys_of_component
 
     components = _of_name(name)
-    if not components:
+    of_words, more = dict[str, Any](), list[Any]()
+    for tell in functions_for("meaning of a word"):
+        of_words, more = tell(name, {component.name for component in components.values()})
+    if not components and not more:
         names = [*kinds, *(each for kind in all_kinds() for each in registry(kind).names())]
         hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
         raise EqtError(f"unknown kind or component '{name}'{hint}")
-    name = min(component.name for component in components.values())
-    config, part = shipped.using(name)
+    name = min((component.name for component in components.values()), default=name)
+    config, part = shipped.using(name) if components else ("", {})
     records = []
     texts: list[str | Text] = []
     for kind, component in components.items():
@@ -100,7 +102,7 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
         texts += ["", f"example, from configs/{config}.yaml; it runs by `eqt run {config}`:", ""]
         texts.append(textwrap.indent(dump(part).rstrip(), "  "))
     document = {"components": records, "config": config or None, "example": part or None}
-    print_findings(document, *texts, json=json)
+    print_findings({**document, **of_words}, *texts, *more, json=json)
 
 
 def _of_name(name: str) -> dict[str, Any]:
@@ -212,8 +214,7 @@ def new(
     of_body = {"--mass": mass, "--inertia": inertia}
     text, name, facts = _text_of(source, vehicle, bandwidth, of_body, of_file)
     if file == Path("-"):
-        output.print_verbatim(text)
-        return
+        return output.print_verbatim(text)
     file = file or Path(f"{name}.yaml")
     with refusals(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -319,8 +320,7 @@ def check(
         output.print_json({"config": str(config), "fine": False, "problems": problem_records})
         raise typer.Exit(error.exit_code) from error
     if resolved:
-        output.print_source(checked.resolved, dump(checked.resolved), json=json)
-        return
+        return output.print_source(checked.resolved, dump(checked.resolved), json=json)
     experiment = checked.base
     few = f"; {MOST_CHECKED} of {len(checked)} points were checked"
     text = (
@@ -333,11 +333,9 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
-    exact = exactly_measured(experiment.group, experiment.loop.vehicle)
-    if exact:
+    if exact := exactly_measured(experiment.group, experiment.loop.vehicle):
         needed += [f"measured without errors: {exact}"]
-    said = [*_skipped_ticks(experiment), *needed]
-    said += [*(f"reference: {jump}" for jump in jumps), *untried]
+    said = [*_skipped_ticks(experiment), *needed, *(f"reference: {x}" for x in jumps), *untried]
     # What the numbers of an experiment mean: each function yields tables and lines.
     meanings = functions_for("meaning of an experiment")
     meant = [piece for meaning in meanings for piece in meaning(experiment, shown)]
@@ -393,8 +391,7 @@ def keys(
     listed, (section, _, name) = keys_of(json_schema()), (key or "").rpartition(".")
     names = {each.key for each in listed}
     if key not in names and section in names and _of_name(name):
-        _explain(name, [], json)  # controllers.cascade
-        return
+        return _explain(name, [], json)  # controllers.cascade
     if key is not None:
         listed = within(listed, key)
     if key is None and not json:

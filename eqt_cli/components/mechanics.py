@@ -170,6 +170,12 @@ class Tracking:
 
     Attributes
     ----------
+    G
+        Group, with `hat`, `Ad`, `ad_star` and `inverse`.
+    inertia
+        Inertia 𝕀 at this time, with `momentum` and `velocity`.
+    gains
+        Weights `K` of the potential and `K_d` of the damping.
     t
         Time, s.
     Q, Qd : (..., d, d)
@@ -185,14 +191,14 @@ class Tracking:
     flat
         The flat output of the reference, for laws that read it.
     flux : (..., 3)
-        The magnetic field in the body, T, likewise.
+        The magnetic field in the body, T, for laws that read it.
     ahead
         For laws with a `preview`: returns what they read of `LATER`. A function, because a sampled
         law needs it at its instants only.
     known_force : (..., m)
         The force that the loop takes from the torque of the law, body frame; None for none.
     specific_force : (..., n)
-        What an accelerometer measures, m/s², likewise.
+        What an accelerometer measures, m/s², for laws that read it.
     """
 
     G: MatrixLieGroup

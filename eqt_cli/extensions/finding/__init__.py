@@ -1,0 +1,9 @@
+"""What people look for: `eqt list WORD` for words that are no component, and a table of topics."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_function("meaning of a word", "finding.meaning")
+    extension.add_function("command for a word", "finding.hint")
