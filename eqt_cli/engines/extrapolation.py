@@ -77,6 +77,9 @@ def _step(
 
     The estimate is the change from the row before. That of two columns of a row is smaller, and
     overlooked kinks: errors of 7e-6 for 1e-9 were measured at limits of thrusters.
+
+    Rows alone overlook a rate that ends, r to 0 for y > c: every second node stays at y, the others
+    pass c, and all rows agree on y + h r / 2. So what is not smoothed must agree with it, too.
     """
     slope, before, error = field(t, y), list[Array](), np.inf
     for rows in range(1, MOST_ROWS + 1):
@@ -84,15 +87,17 @@ def _step(
         part, last, now = h / count, y, y + (h / count) * slope
         for k in range(1, count):
             last, now = now, last + 2 * part * field(t + k * part, now)
-        row = [0.5 * (now + last + part * field(t + h, now))]
+        row = [np.array([0.5 * (now + last + part * field(t + h, now)), now])]
         for column, coarser in enumerate(before, start=1):
             ratio = (rows / (rows - column)) ** 2
             row.append(row[-1] + (row[-1] - coarser) / (ratio - 1))
         if before:
-            scale = atol + rtol * np.maximum(np.abs(y), np.abs(row[-1]))
-            error = float(np.max(np.abs(row[-1] - before[-1]) / scale))
+            smooth, bare = row[-1]
+            scale = atol + rtol * np.maximum(np.abs(y), np.abs(smooth))
+            change = np.maximum(np.abs(smooth - before[-1][0]), np.abs(smooth - bare))
+            error = float(np.max(change / scale))
             if error < 1:
-                return row[-1], rows, error
+                return smooth, rows, error
         before = row
     return None, rows, error
 

@@ -48,6 +48,23 @@ def test_the_check_is_of_another_kind_of_method_and_as_accurate(engine, states):
         assert 1e-13 < np.abs(again - states[:, :21]).max() < 100 * engine.rtol
 
 
+@pytest.mark.parametrize("limit", [0.01, 0.3, 0.9])
+def test_the_check_sees_a_rate_that_ends(limit):
+    """ẏ = 1 up to a limit, as an integral has it; the rows alone agree on y + h / 2."""
+    solved = extrapolation.solve(
+        lambda t, y: np.where(y < limit, 1.0, 0.0),
+        (0.0, 1.0),
+        np.zeros(1),
+        t_eval=None,
+        events=lambda t, y: 1.0,
+        first_step=None,
+        max_step=np.inf,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    assert solved.y[0, -1] == pytest.approx(limit, abs=1e-8)
+
+
 @pytest.mark.parametrize("kink", [0.5, 0.95, 0.99])
 def test_the_check_sees_a_limit_that_is_reached_anywhere_in_a_step(kink):
     """ẏ = max(t − a, 0), also where a is in the last part of the first step, which is the span."""
