@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from eqt_cli.extensions.network.network import Network, bare_source, call, emitt
 from eqt_cli.extensions.network.reader import TRAINED
 from eqt_cli.runs.batches import batches
 
-if TYPE_CHECKING:
-    from eqt_cli.extensions.gym.environment import Environment
-
 APART = 1e-9
 """Most by which poses of the environment and of `eqt run` may differ, relative above 1. Both are
 moved by the same programs, so that 1e-11 was not exceeded; a wrong tick or number is 1e-4."""
@@ -30,7 +27,7 @@ AGREES = 1e-4
 """Most by which a function and its exported network may differ, relative above 1: of 32 bits."""
 
 
-def with_file(environment: Environment, path: Path, runs: int) -> Study:
+def with_file(environment: Any, path: Path, runs: int) -> Study:
     """Return the experiment of an environment with a network from a file, as `eqt run` flies it."""
     document = environment.study.document
     (law,) = document.data["controllers"]
@@ -63,9 +60,7 @@ def commands_of(law: Network) -> Callable[[Array], Array]:
     return commands
 
 
-def check(
-    environment: Environment, path: Path, policy: Callable[[Array], Any] | None, runs: int
-) -> float:
+def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, runs: int) -> float:
     """Return the largest difference of poses; see `Environment.check`."""
     judged, label = with_file(environment, path, runs), environment.label
     expected, problem = flown(judged, label, runs)
@@ -116,7 +111,7 @@ def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expect
 # What the file of a policy says of its training ---------------------------------------------------
 
 
-def record(environment: Environment, path: Path) -> dict[str, Any]:
+def record(environment: Any, path: Path) -> dict[str, Any]:
     """Write into an ONNX file what its policy was trained for; see `Environment.record`."""
     try:
         import onnx
