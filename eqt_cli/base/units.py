@@ -28,6 +28,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "mm": (1e-3, _LENGTH),
     "um": (1e-6, _LENGTH),
     "h": (3600.0, _TIME),
+    "hr": (3600.0, _TIME),
     "min": (60.0, _TIME),
     "s": (1.0, _TIME),
     "sec": (1.0, _TIME),

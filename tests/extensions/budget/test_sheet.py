@@ -35,6 +35,7 @@ def sensors(signal, **options):
     [
         ("density", "0.15 deg/sqrt(h)", 0.15 * DEG / 60),
         ("density", "0.15 deg/√h", 0.15 * DEG / 60),
+        ("density", "0.15 °/√hr", 0.15 * DEG / 60),
         ("density", "9 deg/h/sqrt(Hz)", 0.15 * DEG / 60),  # 9 deg/h at 1 Hz: 9 / 60 deg in an hour
         ("density", "0.0025 deg/s/√Hz", 0.15 * DEG / 60),
         ("walk", "6 deg/h/√(h)", 6 * DEG / 3600 / 60),
