@@ -108,7 +108,9 @@
   /** @type {Job[]} */
   let queue = [];
   /** @type {Answer | null} */
-  let shown = null, first = null;
+  let shown = null;
+  /** @type {Answer | null} */
+  let first = null;
   /** @type {Float64Array} */
   let all = new Float64Array(0);
   let done = 0, spent = 0;
@@ -444,8 +446,7 @@
 
   /** @param {SVGElement} svg @param {number} law @param {Answer} answer */
   function body(svg, law, answer) {
-    const seen = scene;
-    if (!seen) return;
+    const seen = /** @type {Scene} */ (scene); // without one, there are no bodies
     const eye = camera(), scale = SIZE / 2 / seen.reach, parts = [], colour = laws[law].colour;
     const at = (/** @type {number[]} */ v) => {
       const w = v.map((value, k) => value - seen.centre[k]);
