@@ -45,7 +45,7 @@ MOST_DRAWN = 10
 MOST_STEPS = 20_000
 """Most steps of a run in a page, unless the configured runs take a tenth of it."""
 
-SIGNALS = ("velocity_error", "lyapunov")
+SIGNALS = {"velocity_error": "velocity error", "lyapunov": "Lyapunov function"}
 """Signals that a page draws beside the errors of poses and torques, where all laws have them."""
 
 
@@ -139,6 +139,9 @@ def live_page(
         digest=study.digest[:12],
         worker=(TEMPLATES / "compute.js").read_text(encoding="utf-8"),
         tables=_expected(tables, data),
+        laws=summary.laws(result),
+        terms=_terms(result, shown, panels),
+        stated=summary.stated_values(result),
     )
 
 
@@ -271,6 +274,19 @@ def _expected(tables: Arrays, data: Mapping[str, Any]) -> list[list[str]]:
             counted = f"{settled.sum()}/{len(values)}"
             rows[-1].append(counted if column["counts"] else f"{values.mean():.4g}")
     return rows
+
+
+def _terms(result: Result, shown: Sequence[str], panels: Sequence[str]) -> dict[str, str]:
+    """Return what the heads of the table and of the curves mean, by head."""
+    terms = {}
+    for name in {"settled", "settling_time"}.intersection(shown):
+        threshold = summary.in_words(result.config.get("settling_threshold"))
+        symbol = result.quantity(name).symbol.plain or "the error"
+        terms["settled"] = f"{symbol} ends below the settling threshold, {threshold}"
+    for column in summary.columns(result, panels):
+        name = column["metric"]
+        terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
+    return terms
 
 
 def _scene(result: Result, group: MatrixLieGroup) -> dict[str, Any] | None:

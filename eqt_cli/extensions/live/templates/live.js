@@ -49,6 +49,9 @@
 
   /** @param {Law} law */
   const dashes = (law) => law.dashes.map((k) => k * 1.8).join(" ") || "none";
+  /** The line of a law in the curves. @param {Law} law */
+  const swatch = (law) => element("svg", { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
+    element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }));
   /** @param {number} x */
   const written = (x) => (Number.isFinite(x) ? String(Number(x.toPrecision(4))) : "–").replace("-", "−");
 
@@ -275,8 +278,6 @@
     const body = $("all").tBodies[0];
     body.replaceChildren(...laws.map((law, k) => {
       const { good, failures, values } = means(all, k), was = means(base ?? all, k);
-      const swatch = element("svg", { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
-        element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }));
       const box = html("input", { type: "checkbox" });
       box.checked = !hidden.has(k);
       box.addEventListener("change", () => {
@@ -284,7 +285,7 @@
         else hidden.add(k);
         draw();
       });
-      const head = html("th", { scope: "row" }, html("label", {}, box, swatch, law.title));
+      const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), law.title));
       for (const [why, count] of failures) head.append(html("span", { class: "failed" }, `${count} failed: ${why}`));
       return html("tr", {}, head, ...columns.map((column, j) => cell(column, values[j], was.values[j], good)));
     }));
@@ -297,7 +298,7 @@
     if (changed().length && Number.isFinite(difference)) {
       const rises = difference > 0, better = column.better && difference ? (column.better === "higher") === rises : null;
       const state = better === null ? "" : better ? " better" : " worse";
-      made.append(html("span", { class: `change${state}` }, (rises ? "+" : "") + written(difference)));
+      made.append(html("span", { class: `change${state}` }, (rises ? "+" : "") + written(difference) + state));
     }
     return made;
   }
@@ -408,8 +409,11 @@
     }
     if (!shown) return;
     const answer = shown, head = panels[0].head;
-    const words = laws.map((law, k) => (hidden.has(k) ? "" : `${law.title} ${written(course(answer, k, head.metric)(now))}`));
-    $("moment").textContent = `${head.name}${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: ${words.filter(Boolean).join(", ")}.`;
+    const entries = laws.flatMap((law, k) => (hidden.has(k) ? []
+      : [html("span", { class: "entry" }, swatch(law), `${law.title} ${written(course(answer, k, head.metric)(now))}`)]));
+    const compared = first && first !== answer && changed().length > 0;
+    $("moment").replaceChildren(`${head.name}${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `, ...entries,
+      compared ? " Thin lines: as configured." : "");
     bodies.forEach((svg, k) => {
       svg.parentElement?.toggleAttribute("hidden", hidden.has(k));
       if (!hidden.has(k)) body(svg, k, answer);
