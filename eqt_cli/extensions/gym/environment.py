@@ -126,7 +126,7 @@ def make(
     >>> env = eqt_cli.gym.make("examples/gym/attitude.yaml", num_envs=2, episodes=4)
     >>> observation, info = env.reset(seed=0)
     >>> observation.shape, env.action_space.shape
-    ((2, 15), (2, 3))
+    ((2, 12), (2, 3))
     """
     document = document_from(
         config,
