@@ -107,7 +107,8 @@ def make(
         Number of runs of the experiment, from 0 on, that episodes are taken from at random. An
         episode has the start and the drawn numbers of one, and the sensor errors of another one.
     stagger
-        Whether the first episodes end at different times, so that few end together.
+        Whether the first episodes after a `reset` of all end at different times, so that few end
+        together; not of one with given ``runs``.
     dtype
         Type of the observations.
 
@@ -335,7 +336,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         if options:
             raise EqtError(f"options: unknown '{next(iter(options))}'; known: reset_mask, runs")
         self._begin(which, None if runs is None else self._runs(runs, len(which)))
-        if self._stagger and not self._started:
+        if self._stagger and mask is None and runs is None:
             # Of the first episodes only the ends differ: motion and reference begin as always.
             left = _hashed(self._order, np.arange(self.num_envs), 0, FIRST_END)
             self._horizon = 1 + (left % np.uint64(self.plant.ticks)).astype(int)

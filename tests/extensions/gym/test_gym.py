@@ -133,6 +133,22 @@ def test_it_is_an_environment_of_gymnasium(env):
     assert (info["episode"]["l"] == env.plant.ticks).all()
 
 
+@pytest.mark.ci("loads an experiment")
+def test_a_seed_repeats_staggered_ends_and_given_runs_are_whole():
+    env = make(stagger=True)
+
+    def ends(**options):
+        env.reset(**options)
+        return [env.step(np.zeros((5, 3)))[3].tolist() for _ in range(env.plant.ticks)]
+
+    first = ends(seed=3)
+    assert any(map(any, first[:-1]))
+    assert ends(seed=3) == first
+    whole = ends(options={"runs": np.arange(5)})
+    assert not any(map(any, whole[:-1]))
+    assert all(whole[-1])
+
+
 @pytest.mark.ci("compiles a reward")
 def test_functions_of_signals_are_compiled_where_they_can_be():
     compiled = make(reward=lambda x: -x.pose_error - (x.action * x.last_action).sum(axis=-1))
