@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.stored import POINT
 from eqt_cli.base.yaml_source import dump
+from eqt_cli.components.estimators import estimators
 from eqt_cli.config.document import document_of
 from eqt_cli.config.study import config_at
 
@@ -66,7 +68,8 @@ def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
     number = int(results[POINT][point]) if POINT in results.coordinates else point
     document = config_at(document_of(results), number)
     experiment = json.loads(str(results.attributes["experiment"]))
-    with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
+    # Values in other units, or an estimator that is not at hand.
+    with suppress(KeyError, TypeError, AttributeError, ValueError, EqtError):
         experiment |= description(document.data, experiment["departures"])
     config = document.source.comment + dump(document.data)
     return {"config": config, "experiment": json.dumps(experiment, ensure_ascii=False)}
@@ -103,11 +106,14 @@ def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
     sensors = (config.get("sensors") or {}).items()
     measured = {name: f"{name} ({_measured(entries)})" for name, entries in sensors if entries}
     departures += [f"measured {words}" for words in measured.values()]
-    fields, estimators = ("magnetometer", "accelerometer"), _kinds([config.get("estimator")])
-    beside = [measured.pop(x) for x in fields if estimators and x in measured]  # of no estimator
+    filters = _kinds([config.get("estimator")])  # one or none
+    inertial = any(getattr(estimators.get(x), "reads_specific_force", False) for x in filters)
+    # What the law reads, and the estimator does not, stands beside the estimate.
+    fields = ("magnetometer",) if inertial else ("magnetometer", "accelerometer")
+    beside = [measured.pop(x) for x in fields if filters and x in measured]
     if measured:
         stages.append(", ".join(measured.values()))
-    for kind in estimators:
+    for kind in filters:
         stages.append(", ".join([f"estimate ({kind})", *beside]))
         departures.append(f"estimate: {kind}")
     if not departures:

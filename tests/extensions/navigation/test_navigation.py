@@ -25,6 +25,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
 from eqt_cli.extensions.firmware.export_laws import exported_filter
 from eqt_cli.extensions.navigation.navigation import Navigation
+from eqt_cli.runs.description import loop_in_words
 
 SE3 = groups.get("SE3")()
 H, INSTANTS = 0.05, 24
@@ -220,6 +221,12 @@ def test_a_slip_is_told_with_the_way_out(changes, said):
 def test_what_the_filter_cannot_know_is_remarked(changes, said):
     texts = [str(remark) for remark in remarks(built(*changes))]
     assert any(says(text, f"…{said}") for text in texts), texts
+
+
+def test_the_signal_path_leads_every_measurement_through_the_filter():
+    *_, sensors, behind, law = loop_in_words(built().resolved)[0].split(" → ")
+    assert "accelerometer (" in sensors
+    assert (behind, law) == ("estimate (navigation)", "law")
 
 
 def test_no_c_is_written_of_the_filter():
