@@ -157,6 +157,15 @@ def test_check_says_what_would_run(eqt, folder):
     assert not (folder / "results").exists()
 
 
+@pytest.mark.needs("proofs")
+def test_poles_without_the_integral_of_a_law_say_so(eqt):
+    """With its integral, the slowest pole of Goodarzi 2013 is another one; `margins` has it."""
+    done = eqt("config", "check", "c.yaml", "--set", "controllers=[eqt, goodarzi2013]")
+    poles = " ".join(done.out.split("slowest pole of ", 1)[1].split())
+    said = "EqT at rest: …Goodarzi 2013 at rest, without the law's own states…margins…"
+    assert says(poles, said)
+
+
 def test_a_label_that_is_a_function_word_is_remarked_on(eqt):
     laws = "controllers=[{kind: eqt, label: none}, {kind: gt, label: no rates}]"
     done = eqt("config", "check", "c.yaml", "--set", laws)

@@ -95,12 +95,16 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
 
 def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator[str]:
     """Yield the slowest pole of each law along the reference, and which laws fly with others."""
-    laws = dict[tuple[str, str], list[str]]()
+    laws = dict[tuple[str, str, str], list[str]]()
     for label, errors in flown.items():
-        laws.setdefault((errors.poles, errors.departs), []).append(experiment.titles[label])
-    for (poles, departs), titles in laws.items():
-        yield f"slowest pole of {', '.join(titles)} at rest: {poles}"
+        inner, without = experiment.loops[label].inside, ""
+        if inner.controller.memory(inner.group):
+            without = ", without the law's own states (`eqt margins` includes them)"
+        said = without, errors.poles, errors.departs
+        laws.setdefault(said, []).append(experiment.titles[label])
+    for (without, poles, departs), titles in laws.items():
+        yield f"slowest pole of {', '.join(titles)} at rest{without}: {poles}"
         if departs:
             yield f"  {departs}"
-    if any(departs for _, departs in laws):
+    if any(departs for *_, departs in laws):
         yield "  to keep them: a law with its error in the body, or on SO3 equal gains on all axes"
