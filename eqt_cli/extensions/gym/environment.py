@@ -49,6 +49,11 @@ KIND, USUAL = "network", "policy.onnx"
 
 MODES = {"same_step": AutoresetMode.SAME_STEP, "disabled": AutoresetMode.DISABLED}
 
+FLOATS = float, "float32", "float64", np.float32, np.float64
+"""Types of observations: an integer would cut their fractions."""
+
+FUNCTION = "a function of the signals, as lambda x: x.pose_error > 1"
+
 Reward = str | Function | None
 
 
@@ -143,6 +148,16 @@ def make(
         )
     for name, count in (("num_envs", num_envs), ("episodes", episodes)):
         _whole(count, name)
+    is_number = isinstance(penalty, int | float | np.number) and not isinstance(penalty, bool)
+    _expect(
+        penalty is None or (is_number and 0 <= penalty < np.inf),
+        "penalty",
+        "a number from 0",
+        penalty,
+    )
+    _expect(terminated is None or callable(terminated), "terminated", FUNCTION, terminated)
+    _expect(not isinstance(privileged, str), "privileged", "a list of names", privileged)
+    _expect(dtype in FLOATS, "dtype", "np.float32 or np.float64", dtype)
     if autoreset not in (*MODES, *MODES.values()):
         raise EqtError(
             f"autoreset: expected 'same_step' or 'disabled', got {autoreset!r}; in the mode "
@@ -169,6 +184,11 @@ def make(
 def _whole(value: Any, name: str) -> None:
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
         raise EqtError(f"{name}: expected a whole number from 1, got {value!r}")
+
+
+def _expect(is_right: bool, name: str, what: str, value: Any) -> None:
+    if not is_right:
+        raise EqtError(f"{name}: expected {what}, got {value!r}")
 
 
 def _for_training(document: Document, controller: str | None) -> tuple[Document, str, int]:
@@ -307,6 +327,12 @@ class Environment(VectorEnv[Array, Array, Array]):
 
     def set_reward(self, reward: str | Function) -> None:
         """Set the reward from the next step on; a function is compiled with its numbers of now."""
+        _expect(
+            isinstance(reward, str) or callable(reward),
+            "reward",
+            "the name of a metric, or a function of the signals, as lambda x: -x.pose_error",
+            reward,
+        )
         is_name, self._reward = isinstance(reward, str), reward
         self.reward = (MetricReward if is_name else FunctionReward)(self.plant, reward)  # type: ignore[arg-type]
 

@@ -225,6 +225,13 @@ SLIPS = {
         {"reward": lambda x: -np.abs(x.velocity)},
         "reward: expected a number for each run, of shape (5,), got …(5, 3)",
     ),
+    "no function": ({"reward": 3}, "reward: expected the name of a metric, or…got 3"),
+    "no condition": ({"terminated": True}, "terminated: expected a function…got True"),
+    "a word as a penalty": ({"penalty": "ten"}, "penalty: expected a number from 0, got 'ten'"),
+    "no number": ({"penalty": np.nan}, "penalty: expected a number from 0, got nan"),
+    "whole numbers": ({"dtype": int}, "dtype: expected np.float32 or np.float64, got …int…"),
+    "a type": ({"dtype": "flat"}, "dtype: expected np.float32 or np.float64, got 'flat'"),
+    "no list": ({"privileged": "velocity"}, "privileged: expected a list of names…'velocity'"),
     "a privilege": ({"privileged": ["mass"]}, "privileged: unknown name 'mass'…pose, velocity…"),
 }
 
