@@ -43,6 +43,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "expression": {"force": ["cos(t)", "sin(t)", "1", "1", "t", "sin(2*t)"]},
     "restoring": {"weight": 2.0, "buoyancy": 1.5, "centre_of_mass": [0.1, 0.0, -0.2]},
     "gust": {"std": 0.1, "time_constant": 2.0},
+    "dryden": {"linear": 0.2, "current": [3.0, 1.0, 0.5], "std": [1.0, 0.8, 0.5],
+        "length": [200.0, 150.0, 50.0]},
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
