@@ -57,7 +57,7 @@ from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
 
-CHANGING = ("fails", "sag")
+CHANGING = ("fails", "sag", "efficiency", "efficiency_from")
 """Options that change thrusters over time."""
 
 LAGS = "time_constant", "time_constant_down"
@@ -248,8 +248,12 @@ class Thrusters(Solving, Running):
     sag
         The share of the commanded thrust that all thrusters give as the battery empties, an
         expression in t.
+    efficiency
+        The share of its commanded thrust that each thruster gives, within its limits; above 1, too.
+    efficiency_from
+        When that begins, s. Default: from the start on.
     told
-        Whether the allocation knows `fails` and `sag`, and then uses B⁺ of the remaining columns;
+        Whether the allocation knows `fails`, `sag` and `efficiency`, and uses B⁺ of what remains;
         and whether it knows the numbers that are drawn for a run, such as places and directions of
         thrusters, in place of their means.
     jets
@@ -296,6 +300,10 @@ class Thrusters(Solving, Running):
     rotor_inertia: Annotated[Numbers | None, Scale("inertia of the rotors", "kg m^2")] = None
     fails: Failure | None = field(default=None, metadata=STRUCTURE)
     sag: str | float | None = field(default=None, metadata=STRUCTURE)
+    efficiency: Annotated[Numbers | None, Scale("thrust left to each rotor", "1")] = None
+    efficiency_from: Annotated[Real | None, Scale("start of the efficiency", "s")] = field(
+        default=None, metadata=STRUCTURE
+    )
     told: bool = False
     jets: Jets | None = None
     isp: Annotated[Numbers | None, Scale("specific impulse of the thrusters", "s")] = None
@@ -514,20 +522,29 @@ class Thrusters(Solving, Running):
 
     @property
     def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
-        """Whether a thruster fails, or the battery sags."""
-        return bool(self.over_time) or self.fails is not None or self.sag is not None
+        """Whether a thruster fails or weakens at a time, or the battery sags."""
+        return bool(self.over_time) or any(
+            x is not None for x in (self.fails, self.sag, self.efficiency_from)
+        )
 
     @property
     def nominal(self) -> Self:
-        """The thrusters that do not fail, and whose battery does not sag."""
+        """The thrusters that give what is commanded: none fails, and no battery sags."""
         return with_fields(self, **dict.fromkeys(CHANGING), over_time=())
 
     def _changing(self, rows: Array, scale: Array, inverse: Array) -> dict[str, Any]:
         """Return the share of all and the failure over time, and what it takes from each."""
-        if not self.changes:
-            return {}
-        fails, lost = self.fails or Failure(1, 0.0, 1.0), np.zeros(self.count)
+        fails = self.fails or Failure(1, self.efficiency_from or 0.0, 1.0)
+        lost = np.zeros(self.count)
         lost[self._number(fails.rotor)] = fails.to - 1.0
+        if self.efficiency is not None:
+            lost += np.array(self.efficiency) - 1.0
+        if not self.changes:
+            if self.efficiency is None:
+                return {}
+            left = 1.0 + lost
+            told = {"inverse": self._allocated(rows * left, scale)[0]} if self.told else {}
+            return {"share": left, **told}
         steps = formula(1.0 if self.sag is None else self.sag), formula(f"step(t, {fails.at!r})")
         after = self._allocated(rows * (1.0 + lost), scale)[0] if self.told else inverse
         return {"over_time": steps, "lost": lost, "turned": after - inverse}
@@ -736,8 +753,8 @@ class Thrusters(Solving, Running):
         self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
         ends = ("low", "high", *SPEEDS)
-        names = (*ends, *self.positive)
-        check_members(self, self.count, "thruster", names, " ".join(ends), problems)
+        names, free = (*ends, "efficiency", *self.positive), (*ends, "efficiency")
+        check_members(self, self.count, "thruster", names, " ".join(free), problems)
         if not problems:
             fast = any(getattr(self, name) is not None for name in SPEEDS)
             low, high = names = SPEEDS if fast else ("low", "high")
@@ -788,11 +805,26 @@ class Thrusters(Solving, Running):
                 here.at("rotor").add(f"{expected}, got {self.fails.rotor}")
             if not 0 <= to <= 1:
                 here.at("to").add(f"expected the share that is left, from 0 to 1, got {to:g}")
+        self._check_efficiency(problems)
         self.check_until(0.0, problems)
-        if self.told and self.sampled and self.changes:
+        if self.told and self.sampled and (self.changes or self.efficiency is not None):
             problems.at("told").add(
                 "needs allocation: pseudo_inverse; no other adapts to a failure"
             )
+
+    def _check_efficiency(self, problems: Problems) -> None:
+        """Note an efficiency below 0, beside a failure, or whose start has none."""
+        values, here = self.efficiency, problems.at("efficiency")
+        if values is None:
+            if self.efficiency_from is not None:
+                problems.at("efficiency_from").add("needs efficiency, the share of each thruster")
+            return
+        if self.fails is not None:
+            here.add("expected no fails beside it; write the share of that rotor in this list")
+        for index, entry in enumerate(values if isinstance(values, list) else [values]):
+            if (least := lowest(entry)) < 0:
+                said = f"expected a share of the commanded thrust, at least 0, got {least:g}"
+                (here.at(index) if isinstance(values, list) else here).add(said)
 
     def check_until(self, end: float, problems: Problems) -> None:
         """Note a sag that leaves no thrust, turns it round or adds to it before the end, s."""

@@ -1,5 +1,6 @@
 """Rotors: thrusts by the square of a speed that lags, and their drag."""
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.components.thrusters import Failure, Thruster, Thrusters
+from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import Drag, EqtError, Restoring, group_named
 from eqt_cli.loop.linearised import flow
 
@@ -133,12 +135,16 @@ def test_on_its_reference_a_loop_starts_with_the_rotors_running(experiment, cont
 
 SPUN, FAILED, LEFT, SAG = 6e-5, 0.117, 0.4, "1 - 0.2*t"  # kg m², s
 CHANGES = {"fails": {"rotor": 2, "at": "117 ms", "to": LEFT}, "sag": SAG}
+WEAK = {"efficiency": [0.9, LEFT, 1.2, 1.0]}
+OTHERS = pytest.mark.ci("repeats the program of a quick case from the start")
 HEAVY = {"rotor_inertia": SPUN, "time_constant": LAG}
 FORCE = [0.01, -0.02, 0.005, 0.1, 0.1, 4.9]
 
 
 class Rotors(plain.Plain):
     """EqT on four rotors along z, as one would write them: speed by speed."""
+
+    left, failed_from, sags = (1.0, LEFT, 1.0, 1.0), FAILED, True
 
     def __init__(self, lag=None, spun=0.0, fails=False, told=False):
         super().__init__("SE3", [*J, MASS, MASS, MASS], 0.2, 0.05, lambda t: np.array(FORCE))
@@ -152,8 +158,8 @@ class Rotors(plain.Plain):
 
     def shares(self, t, failed):
         """What is left to each rotor."""
-        left = np.array([1.0, LEFT if failed else 1.0, 1.0, 1.0])
-        return (1 - 0.2 * t) * left if self.fails else np.ones(4)
+        left = np.array(self.left if failed else [1.0, 1.0, 1.0, 1.0])
+        return (1 - 0.2 * t) ** self.sags * left if self.fails else np.ones(4)
 
     def thrusts(self, t, wanted, failed):
         share = self.shares(t, failed)
@@ -181,8 +187,8 @@ class Rotors(plain.Plain):
 
     def flown(self, y, times, period=None):
         """The states at the times, from leg to leg: the failure and the ticks end one."""
-        asked = self.law(0.0, *self.split(y)[:4])
-        speeds = np.sqrt(self.thrusts(0.0, asked, False) / THRUST) if self.lag else np.zeros(4)
+        asked, failed = self.law(0.0, *self.split(y)[:4]), self.failed_from <= 0
+        speeds = np.sqrt(self.thrusts(0.0, asked, failed) / THRUST) if self.lag else np.zeros(4)
         y, states = np.concatenate([y[:-6], speeds]), []
         ticks = np.arange(0.0, times[-1], period or 10.0)
         ends = np.unique([*times, *ticks, FAILED])
@@ -191,7 +197,7 @@ class Rotors(plain.Plain):
             if start in ticks:
                 held = self.law(start, *self.split(y)[:4])
             command = (lambda t, y, held=held: held) if period else self.now
-            given = {"args": (command, start >= FAILED), **plain.TIGHT}
+            given = {"args": (command, start >= self.failed_from), **plain.TIGHT}
             y = solve_ivp(self.field, (start, end), y, **given).y[:, -1]
         return np.array([*states, y])
 
@@ -228,21 +234,48 @@ def rotors_text(engine, control=None, **options):
     return yaml.safe_dump(config | ({"control": control} if control else {}))
 
 
+def test_each_run_draws_an_efficiency_that_only_a_told_allocation_knows():
+    weak, command = replace(ROTORS, efficiency=[0.9, Uniform([0.7, 1.3]), 1.2, 0.0]), np.ones(6)
+    parts = [weak.of_run(SE3, np.random.default_rng(seed)) for seed in (1, 2)]
+    shares = np.array([part.share for part in parts])
+    assert 0.7 < shares[0, 1] < 1.3 and shares[0, 1] != shares[1, 1]
+    np.testing.assert_array_equal(shares[:, [0, 2, 3]], [[0.9, 1.2, 0.0]] * 2)
+    healthy = ROTORS.of_run(SE3, None)
+    asked = healthy.pushed(healthy.running(SE3, command))
+    for part, share in zip(parts, shares, strict=True):
+        np.testing.assert_allclose(part.pushed(part.running(SE3, command)), share * asked)
+        told = replace(weak, told=True, efficiency=(0.5 * share + 0.5).tolist()).of_run(SE3, None)
+        pushes = told.matrix @ (told.share[:, None] * told.inverse)
+        np.testing.assert_allclose(pushes, healthy.matrix @ healthy.inverse, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("engine", "options", "control"),
     [
         ("solve_ivp", HEAVY | CHANGES, None),
         ("native", HEAVY | CHANGES, None),
-        ("native", CHANGES, {"period": 0.05}),
+        ("native", WEAK | {"efficiency_from": FAILED, "sag": SAG}, {"period": 0.05}),
+        pytest.param("native", WEAK | HEAVY, None, marks=OTHERS),
+        pytest.param("solve_ivp", WEAK | {"told": True}, {"period": 0.05}, marks=OTHERS),
         ("native", CHANGES | {"told": True}, {"period": 0.05}),
         ("solve_ivp", CHANGES, {"period": 0.05}),
     ],
-    ids=["inertia, solve_ivp", "inertia", "sampled", "told", "sampled, solve_ivp"],
+    ids=[
+        "inertia, solve_ivp",
+        "inertia",
+        "weak from a time",
+        "weak",
+        "told of weak ones",
+        "told",
+        "sampled, solve_ivp",
+    ],
 )
 def test_rotors_that_fail_are_those_of_a_plain_program(solved, engine, options, control):
     problem, solution = solved(rotors_text(engine, control, **options))
     program = Rotors(options.get("time_constant"), options.get("rotor_inertia", 0.0), True)
-    program.told = "told" in options
+    program.told, program.left = "told" in options, options.get("efficiency", program.left)
+    if "efficiency" in options:
+        program.failed_from, program.sags = options.get("efficiency_from", 0.0), "sag" in options
     start = program.start(
         plain.exp("SE3", np.array([0.3, -0.2, 0.1, 0.1, 0.2, 0.3])),
         np.array([0.5, -0.3, 0.8, 0.1, 0.2, 0.0]),

@@ -57,6 +57,11 @@ def _behind_the_end(experiment: Experiment) -> Placed:
                 (*key, "fails", "at"),
                 f"is {fails.at:g} s, and runs end at {end:g} s: the thruster never fails",
             )
+        if (start := getattr(part, "efficiency_from", None)) is not None and start >= end:
+            yield (
+                (*key, "efficiency_from"),
+                f"is {start:g} s, and runs end at {end:g} s: no thruster ever loses thrust",
+            )
         lag = getattr(part, "time_constant", None)
         if isinstance(lag, int | float) and lag > end:
             yield (
