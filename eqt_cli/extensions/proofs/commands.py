@@ -19,6 +19,7 @@ from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
     from eqt_cli.extensions.proofs.certified import Certified, LawRates
     from eqt_cli.extensions.proofs.margins import GainMargin, LawMargins, Margins
@@ -252,6 +253,16 @@ def margins(
         raise typer.Exit(4)
 
 
+def _at_rest(experiment: Experiment) -> str:
+    """Return a reference at rest, as written, that all laws take."""
+    if not any(loop.controller.reads_flat_output for loop in experiment.loops.values()):
+        return "{kind: constant}"
+    translation = experiment.group.translation
+    assert translation is not None  # a cascade has a position
+    axes = translation.axes
+    return f"{{kind: flat, position: {[0] * (axes.stop - axes.start)}}}"
+
+
 def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     """Yield the printed text: which loops vary in time, then the table of the numbers."""
     from eqt_cli.extensions.proofs.authority import authority_table
@@ -264,7 +275,8 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
         if result.experiment.reference_over_horizon().velocity.any():
             cause = "The reference moves"
             proof = "--certified, which tries to prove a rate for all such references, or "
-            remedy = "--set 'reference={kind: constant}', which gives the margins at rest"
+            rest = _at_rest(result.experiment)
+            remedy = f"--set 'reference={rest}', which gives the margins at rest"
             remedy = f" For a sure answer, add {proof * vehicle.is_ideal}{remedy}."
         elif vehicle.forces:
             cause = "A force varies"

@@ -226,9 +226,12 @@ class Cascade(OuterLoop, ReadsLimits):
         law = self._attitude_law(G, problems.at("attitude"))
         tracks = law is None or "track" in law.tasks or law.commands == "rates"
         if not tracks or isinstance(law, Designed):
+            hint = ""
+            if hasattr(law, "around"):  # of those that reject what is unknown
+                hint = f"; put it around the cascade: kind: {law.name}, law: {{kind: cascade, …}}"
             problems.at("attitude").add(
                 f"expected a law of {self.gains_group(G).name} that tracks with given gains, such "
-                f"as lee2010, got {law.name}"
+                f"as lee2010, got {law.name}{hint}"
             )
         if self.rates == "filter" and self.bandwidth is None:
             problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
