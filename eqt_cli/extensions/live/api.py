@@ -80,7 +80,7 @@ def live(
     for key, value in (overrides or {}).items():
         words += ["--set", f"{key}={flow(value)}"]
 
-    def moved(setting: Mapping[str, float]) -> Study:
+    def moved(setting: Mapping[str, Any]) -> Study:
         return load_experiment(config, {**settings, **setting})
 
     is_result = (config / FILE_NAME).exists() or config.suffix == ".h5"

@@ -146,7 +146,7 @@ def live_page(
 
 
 def _numbers(
-    moved: Any, loops: Mapping[str, LiveLoop], runs: int, setting: Mapping[str, float]
+    moved: Any, loops: Mapping[str, LiveLoop], runs: int, setting: Mapping[str, Any]
 ) -> dict[str, Array]:
     return numbers_of(moved(setting), loops, runs)
 
@@ -255,6 +255,7 @@ def _base64(content: bytes) -> str:
 def _key(slider: Slider, of_key: list[Effect]) -> dict[str, Any]:
     return {
         "key": slider.key,
+        "unit": slider.unit,
         "values": slider.values,
         "base": slider.values.index(slider.base),
         "effects": [asdict(effect) for effect in of_key],

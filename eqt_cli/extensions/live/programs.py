@@ -70,7 +70,8 @@ class LiveLoop:
         looked = running(
             _Kept(function, loop.vehicle.control is not None),
             _Reduced(
-                replace(reduction, balanced=True),  # no balance of energies is shown
+                # Neither a balance of energies nor distances to critical points are shown.
+                replace(reduction, balanced=True, K=np.empty((0, 0))),
                 tuple(metrics),
                 loop.period if loop.vehicle.control else 0.0,
             ),

@@ -10,18 +10,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import units
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.live.programs import LiveLoop
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.rounded import inverse as inverse_of
 
-Numbers = Callable[[Mapping[str, float]], dict[str, Array]]
+Numbers = Callable[[Mapping[str, Any]], dict[str, Array]]
 """Returns `numbers_of` a setting by keys."""
 
 STEPS = 100
@@ -51,11 +53,14 @@ class Slider:
         From the smallest to the largest, with the configured one.
     base
         The configured value.
+    unit
+        The unit that it is configured in; empty for a number without one.
     """
 
     key: str
     values: list[float]
     base: float
+    unit: str = ""
 
     @classmethod
     def of(cls, key: str, base: Any, range_: str = "") -> Slider:
@@ -66,10 +71,11 @@ class Slider:
         EqtError
             If the key has no number, or the range is none.
         """
-        if isinstance(base, bool) or not isinstance(base, int | float):
+        if (number := _number(base)) is None:
             held = "absent" if base is None else repr(base)
             raise EqtError(f"{key}: a slider moves a number of the configuration; this is {held}")
-        low, high, step = _range(key, range_) if range_ else _usual(key, float(base))
+        base, unit = number
+        low, high, step = _range(key, range_) if range_ else _usual(key, base)
         if not low <= base <= high:
             raise EqtError(f"{key}: it is {base:g}, outside of its range {low:g} to {high:g}")
         step = step or _nice((high - low) / STEPS)
@@ -77,8 +83,21 @@ class Slider:
         if count > MOST_VALUES:
             raise EqtError(f"{key}: {range_} has {count:,} steps; at most {MOST_VALUES:,}")
         digits = max(0, 2 - math.floor(math.log10(step)))
-        values = {round(low + k * step, digits) for k in range(count + 1)} | {high, float(base)}
-        return cls(key, sorted(values), float(base))
+        values = {round(low + k * step, digits) for k in range(count + 1)} | {high, base}
+        return cls(key, sorted(values), base, unit)
+
+    def setting(self, value: float) -> Any:
+        """Return a value as a configuration has it."""
+        return f"{value!r} {self.unit}" if self.unit else value
+
+
+def _number(value: Any) -> tuple[float, str] | None:
+    """Return a number of a configuration and its unit, if it has one; None for anything else."""
+    if isinstance(value, str) and (parts := units.split(value)):
+        with suppress(ValueError):
+            return float(parts[0]), parts[1]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return (float(value), "") if is_number else None
 
 
 def _range(key: str, text: str) -> tuple[float, float, float]:
@@ -121,8 +140,8 @@ def _numeric(value: Any, path: str) -> Iterator[tuple[str, float]]:
     elif isinstance(value, Sequence) and not isinstance(value, str):
         for place, entry in enumerate(value):
             yield from _numeric(entry, f"{path}[{place}]")
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield path, value
+    elif number := _number(value):
+        yield path, number[0]
 
 
 def _is_diagonal(path: str) -> bool:
@@ -255,7 +274,7 @@ def _places(probes: list[dict[str, Array]], base: Arrays, rules: list[Inverse]) 
 
 def _moved(slider: Slider, value: float, numbers: Numbers, base: Arrays) -> dict[str, Array]:
     try:
-        arrays = numbers({slider.key: value})
+        arrays = numbers({slider.key: slider.setting(value)})
     except EqtError as error:
         raise EqtError(f"{slider.key}={value:g}: {_first(error)}") from error
     if any(arrays[name].shape != array.shape for name, array in base.items()):
@@ -316,7 +335,9 @@ def checked(
     for _ in range(TRIED_TOGETHER):
         setting = {slider.key: float(random.choice(slider.values)) for slider, _ in of_keys}
         try:
-            expected = numbers(setting)
+            expected = numbers(
+                {slider.key: slider.setting(setting[slider.key]) for slider, _ in of_keys}
+            )
         except EqtError:
             continue  # the keys do not go together there, as moments that are none of a body
         ours = applied(setting, of_keys, rules, base)

@@ -19,6 +19,12 @@ def test_values_are_the_doubles_that_a_configuration_would_have():
     assert 100 <= len(values) <= 250
 
 
+def test_number_with_a_unit_moves_in_that_unit():
+    slider = Slider.of("gains.kp", "2 mN m", "1:4:1")
+    assert slider.values == [1.0, 2.0, 3.0, 4.0] and slider.setting(3.0) == "3.0 mN m"
+    assert list(sliders.usual_keys({"gains": {"kp": "2 mN m", "kd": "pi"}})) == ["gains.kp"]
+
+
 @pytest.mark.parametrize(
     ("base", "range_", "said"),
     [

@@ -29,6 +29,8 @@
   /** @type {Record<string, number>} */
   const setting = {};
   const configured = () => Object.fromEntries(data.keys.map((/** @type {any} */ key) => [key.key, key.values[key.base]]));
+  /** The value of a key with its unit. @param {any} key */
+  const valued = (key) => setting[key.key] + (key.unit && ` ${key.unit}`);
   const hidden = new Set();
 
   /** @param {string} name @param {Record<string, any>} attributes @param {...(Node | string)} children */
@@ -62,9 +64,11 @@
   /** @type {Record<string, HTMLElement>} */
   const groups = {};
   data.keys.forEach((/** @type {any} */ key, /** @type {number} */ k) => {
-    const [group, ...rest] = key.key.split(/(?<=^\w+)(?=[.[])/), name = rest.join("").replace(/^\./, "");
+    const [group, ...rest] = key.key.split(/(?<=^\w+)(?=[.[])/);
+    const ofLaw = (/** @type {string} */ whole, /** @type {string} */ at) => (group === "controllers" && laws[Number(at)] ? `${laws[Number(at)].title}: ` : whole);
+    const name = rest.join("").replace(/^\./, "").replace(/^\[(\d+)\]\.?/, ofLaw);
     groups[group] ??= $("sliders").appendChild(html("fieldset", {}, html("legend", {}, group)));
-    const label = html("label", { for: `key${k}`, title: key.key }, name || key.key);
+    const label = html("label", { for: `key${k}`, title: key.key }, (name || key.key) + (key.unit ? ` (${key.unit})` : ""));
     const range = html("input", { type: "range", id: `key${k}`, min: 0, max: key.values.length - 1, step: 1 });
     const box = html("input", { type: "number", step: "any", "aria-label": `${key.key}, as a number`,
       min: key.values[0], max: key.values[key.values.length - 1] });
@@ -74,7 +78,7 @@
       setting[key.key] = key.values[nearest];
       range.value = nearest;
       box.value = setting[key.key];
-      range.setAttribute("aria-valuetext", `${key.key} ${setting[key.key]}`);
+      range.setAttribute("aria-valuetext", `${key.key} ${valued(key)}`);
     };
     range.addEventListener("input", () => { fields[key.key](key.values[Number(range.value)]); moved(); });
     box.addEventListener("change", () => {
@@ -203,11 +207,12 @@
 
   const changed = () => data.keys.filter((/** @type {any} */ key) => setting[key.key] !== key.values[key.base]);
 
+  const commanded = () => data.command + changed().map((/** @type {any} */ key) => ` --set '${key.key}=${valued(key)}'`).join("");
+
   function moved() {
     compute();
     const keys = changed(), run = Number($("run").value);
-    const flags = keys.map((/** @type {any} */ key) => ` --set '${key.key}=${setting[key.key]}'`);
-    $("command").textContent = data.command + flags.join("");
+    $("command").textContent = commanded();
     const parts = keys.map((/** @type {any} */ key) => [key.key, String(setting[key.key])]);
     if (run) parts.push(["run", String(run)]);
     $("link").href = `#${new URLSearchParams(parts)}`;
@@ -569,7 +574,7 @@
   $("check").textContent = "Computing the configured runs …";
   if (location.hash.length > 1) fromFragment();
   start(new URLSearchParams(location.search).get("fused") !== "no");
-  if (changed().length) $("command").textContent = data.command + changed().map((/** @type {any} */ key) => ` --set '${key.key}=${setting[key.key]}'`).join("");
+  if (changed().length) $("command").textContent = commanded();
   // For tests and for the curious.
   Object.assign(window, { eqtLive: { data, setting, fields, moved, get shown() { return shown; }, get all() { return all; },
     get done() { return done >= data.runs && base !== null; }, get ms() { return spent; }, get fused() { return fused; } } });
