@@ -124,8 +124,9 @@ def test_citation_names_the_paper():
 @pytest.mark.needs
 def test_contributing_lays_out_every_folder_of_the_package():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    described = set(re.findall(r"^  (\w+)/ +\S", text, flags=re.MULTILINE))
-    assert described == {path.parent.name for path in ROOT.glob("eqt_cli/*/__init__.py")}
+    for indent, folder in (("  ", "eqt_cli"), ("    ", "eqt_cli/extensions")):
+        described = set(re.findall(rf"^{indent}(\w+)/ +\S", text, flags=re.MULTILINE))
+        assert described == {path.parent.name for path in ROOT.glob(f"{folder}/*/__init__.py")}
 
 
 def test_lower_bounds_are_the_versions_that_test_lowest_installs():
