@@ -19,6 +19,7 @@ from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import listed, step
 from eqt_cli.base.stored import Status, signal_of
 from eqt_cli.config.document import changed_at
+from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import hurried
 from eqt_cli.extensions.budget.quantiles import LEVEL, Interval, mixed, of_runs
@@ -417,6 +418,7 @@ def budget(
             f"ensemble.runs: expected at least {LEAST_RUNS} for a budget, got {runs}; "
             "--set ensemble.runs=50"
         )
+    remark_on(base.base)
     place = "eqt budget"
     document = changed_at(base.document, ("store", "trajectories"), "all", place)
     document = changed_at(document, ("store", "decimate"), 1, place)

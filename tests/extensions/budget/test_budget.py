@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 import eqt_cli
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.extensions.budget.budget import rooted_mean
 from eqt_cli.extensions.budget.quantiles import mixed, of_runs
 from eqt_cli.extensions.budget.sources import sources_of, without
@@ -132,6 +132,13 @@ def test_what_has_no_budget(sections, words):
 def test_an_unknown_error_names_those_that_are_there():
     with pytest.raises(EqtError, match="unknown error 'atitude_angle'; did you mean"):
         eqt_cli.error_budget({**BODY, "sensors": NOISE}, error="atitude_angle")
+
+
+def test_a_number_without_its_unit_is_remarked_on_before_the_runs():
+    sensors = {"velocity": [{"kind": "noise", "density": 0.26}]}
+    refused = pytest.raises(EqtError, match="unknown error")
+    with pytest.warns(EqtWarning, match="894 deg/sqrt"), refused:
+        eqt_cli.error_budget({**BODY, "sensors": sensors}, error="none")
 
 
 # Quantiles ----------------------------------------------------------------------------------------
