@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import shlex
+import time
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -100,7 +101,8 @@ def live_page(
         numbers = partial(_numbers, moved, loops, runs)
         base = numbers_of(study, loops, runs)
         rules = sliders.inverses(loops, base)
-        of_keys = _moving(study, keys, numbers, base, rules)
+        with reporter().busy("finding what sliders move"):
+            of_keys = _moving(study, keys, numbers, base, rules)
     modules, tables = _modules(loops, base, of_keys)
     tables |= base
     tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
@@ -169,7 +171,12 @@ def _moving(
     data = study.document.data
     usual = [] if keys else list(sliders.usual_keys(data))
     made: list[tuple[Slider, list[Effect]]] = []
-    for key in keys or usual:
+    begun = time.process_time()
+    for place, key in enumerate(keys or usual):
+        if usual and time.process_time() - begun > sliders.MOST_SECONDS_OF_ALL:
+            why = "those before took long; ask for it by --key"
+            reporter().remark(EqtWarning(f"no slider for {', '.join(usual[place:])}: {why}"))
+            break
         try:
             slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key, ""))
             longest = math.inf if keys else sliders.MOST_SECONDS

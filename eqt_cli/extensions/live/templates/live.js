@@ -415,7 +415,7 @@
     if (!shown) return;
     const answer = shown, head = panels[0].head;
     const entries = laws.flatMap((law, k) => (hidden.has(k) ? []
-      : [html("span", { class: "entry" }, swatch(law), `${law.title} ${written(course(answer, k, head.metric)(now))}`)]));
+      : [html("span", { class: "entry" }, swatch(law), `${law.title}: ${written(course(answer, k, head.metric)(now))}`)]));
     const compared = first && first !== answer && changed().length > 0;
     $("moment").replaceChildren(`${head.name}${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `, ...entries,
       compared ? " Thin lines: as configured." : "");
