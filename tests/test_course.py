@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
+from eqt_cli.base.errors import EqtWarning
 
 COURSE = Path(__file__).parents[1] / "examples" / "course"
 SHEET = (COURSE / "README.md").read_text(encoding="utf-8")
@@ -85,7 +86,8 @@ def test_the_delay_margin_of_the_third_exercise(desk):
 def test_the_law_of_the_solutions_tracks(desk):
     shutil.copytree(COURSE / "solutions", desk / "solutions")
     of = partial(eqt_cli.load_experiment, "own.yaml")
-    unsolved = eqt_cli.run(of(), "unsolved")
+    with pytest.warns(EqtWarning, match="so that the body leaves it"):
+        unsolved = eqt_cli.run(of(), "unsolved")
     np.testing.assert_allclose(*unsolved.metric("final_attitude_error"), rtol=1e-9)
     solved = eqt_cli.run(of({"plugins": ["solutions/law.py"]}), "solved")
     assert solved.metric("final_attitude_error")[1].max() < 1e-6
