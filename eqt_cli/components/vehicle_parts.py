@@ -5,7 +5,17 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeAlias,
+    runtime_checkable,
+)
 
 import numpy as np
 from pydantic import Tag
@@ -423,9 +433,21 @@ class VaryingInertia(TrueInertia):
 
     law: InertiaLaw
 
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which the tensor changes its piece."""
+        return self.law.instants(G, until)
+
     def at(self, model: Inertia, t: Any) -> Inertia:
         """Return the tensor at time t."""
         return self.law.at(t)
+
+
+@runtime_checkable
+class CarriesMass(Protocol):
+    """A force of something that joins the body, whose true inertia it changes."""
+
+    def loaded(self, inertia: TrueInertia | None) -> TrueInertia:
+        """Return the inertia with it; None stands for that of the model."""
 
 
 # The clocks of a sampled loop: when law, sensors and actuators act, and when a command arrives ----

@@ -593,7 +593,7 @@ def vehicle_from(
     plant = config.plant or schema.PlantSection.model_construct()
     measured = config.sensors or schema.SensorsSection.model_construct()
     clock, horizon, at_plant = config.control, config.time.duration, problems.at("plant")
-    inertia = None
+    inertia: vehicle_parts.TrueInertia | None = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
@@ -613,6 +613,8 @@ def vehicle_from(
     entries += inner_clocks(config, problems)
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in enumerate(errors)]
+    section = "model" if plant.forces is None else "plant"
+    inertia = _loaded(inertia, model, forces or (), problems.at(section, "forces"))
     vehicle = Vehicle(
         inertia,
         tuple(forces or ()),
@@ -625,7 +627,6 @@ def vehicle_from(
         more_sensors=(tuple(field), tuple(sensing["accelerometer"]), tuple(sensing["depth"])),
     )
     _check_readers(vehicle, at_sensors)
-    section = "model" if plant.forces is None else "plant"
     _check_currents(vehicle.forces, problems.at(section, "forces"))
     if vehicle.measures and clock is None:
         at_sensors.add("act at control instants; set control.period")
@@ -640,6 +641,23 @@ def vehicle_from(
     if vehicle.estimator is not None:
         check_estimator(vehicle, G, clock is None, problems)
     return vehicle if problems else vehicle.of_run(G)
+
+
+def _loaded(
+    inertia: vehicle_parts.TrueInertia | None,
+    model: InertiaLaw | None,
+    forces: Sequence[Force],
+    problems: Problems,
+) -> vehicle_parts.TrueInertia | None:
+    """Return the true inertia with what the forces carry; None for that of the model."""
+    for index, force in enumerate(forces):
+        if isinstance(force, vehicle_parts.CarriesMass):
+            law = inertia.law if isinstance(inertia, vehicle_parts.VaryingInertia) else model
+            if getattr(law, "leaves", False):
+                said = "keeps the momentum, and the mass of the inertia leaves at the velocity"
+                problems.at(index).add(f"{said} of the body; write `leaves: false`, or remove one")
+            inertia = force.loaded(inertia)
+    return inertia
 
 
 def _check_readers(vehicle: Vehicle, problems: Problems) -> None:

@@ -260,6 +260,7 @@ class ClosedLoop:
         """Return the sorted times at which the vector field changes, and its short pulses, s."""
         parts: list[Any] = [self.inertia, *self.over_time.values(), *self.known_forces]
         parts += [*self.vehicle.forces, *self.vehicle.actuators]
+        parts += [self.vehicle.inertia] if self.vehicle.inertia else []
         return distinct(np.concatenate([part.instants(self.group, until) for part in parts]))
 
     @property

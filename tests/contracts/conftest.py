@@ -45,6 +45,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "gust": {"std": 0.1, "time_constant": 2.0},
     "dryden": {"linear": 0.2, "current": [3.0, 1.0, 0.5], "std": [1.0, 0.8, 0.5],
         "length": [200.0, 150.0, 50.0]},
+    "payload": {"mass": 0.3, "at": [0.1, -0.1, 0.2], "since": 0.5},
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},

@@ -68,6 +68,12 @@ def _behind_the_end(experiment: Experiment) -> Placed:
                 (*key, "time_constant"),
                 f"is {lag:g} s, longer than the runs, {end:g} s; {_in_ms(lag)}",
             )
+    for index, force in enumerate((config.plant and config.plant.forces) or ()):
+        if (since := getattr(force, "since", None)) is not None and since >= end:
+            yield (
+                ("plant", "forces", index, "since"),
+                f"is {since:g} s, and runs end at {end:g} s: the payload never joins",
+            )
     for law in experiment.laws.values():
         ahead: Any = getattr(law.law, "preview", ())
         if len(ahead) and ahead[-1] > end:

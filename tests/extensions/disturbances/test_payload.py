@@ -1,0 +1,103 @@
+"""A payload that joins: closed forms of what it does, and what is refused."""
+
+import numpy as np
+import pytest
+import yaml
+from case_tables import refusal
+from said import mentions
+
+from eqt_cli.base.errors import ConfigError
+
+pytestmark = pytest.mark.needs("disturbances")
+J, M, MASS, POINT, SINCE, G = np.diag([0.02, 0.03, 0.04]), 0.8, 0.3, [0.1, -0.05, -0.2], 0.37, 9.81
+OVER = 0.02
+PAYLOAD = {"kind": "payload", "mass": MASS, "at": POINT, "since": SINCE, "over": OVER}
+FREE = {
+    "group": "SE3",
+    "inertia": [*np.diag(J).tolist(), M, M, M],
+    "gains": {"kp": 1e-14, "kd": 1e-14},  # nothing but the weight acts
+    "controllers": ["eqt"],
+    "reference": {"kind": "constant"},
+    "initial": {
+        "pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.3, -0.2, 0.5, 1, 2, 3]},
+        "velocity": {"kind": "fixed", "coordinates": [1.0, 2.0, -0.5, 2.0, -1.0, 3.0]},
+    },
+    "time": {"duration": 1.0, "samples": 11},
+}
+
+
+def momenta(s, masses):
+    """Linear and angular momentum about the origin of space, of both by their point velocities."""
+    Q, V = s.Q[0], s.V[0]
+    R, p, omega = Q[:, :3, :3], Q[:, :3, 3], V[:, :3]
+    v = (R @ V[:, 3:, None])[..., 0]
+    turn = (R @ np.cross(omega, POINT)[..., None])[..., 0]
+    there, moves = p + R @ POINT, v + turn
+    linear = M * v + masses[:, None] * moves
+    spin = (R @ (J @ omega[..., None]))[..., 0] + M * np.cross(p, v)
+    return linear, spin + masses[:, None] * np.cross(there, moves)
+
+
+@pytest.mark.ci("runs of both engines")
+@pytest.mark.parametrize(
+    ("engine", "gravity"), [("solve_ivp", 1e-12), ("native", 1e-12), ("native", G)]
+)
+def test_the_momentum_is_kept_as_it_joins(solved, engine, gravity):
+    """Both momenta without a weight; with it, p(t) = p(0) − ∫ g (M + m s(t)) dt."""
+    weight = {"kind": "restoring", "weight": M * gravity}
+    solver = {"engine": engine, "rtol": 1e-12, "atol": 1e-13}
+    forces = {"forces": [weight, PAYLOAD | {"gravity": gravity}]}
+    problem, solution = solved(yaml.safe_dump(FREE | {"solver": solver, "plant": forces}))
+    t = problem.times
+    masses = MASS * (t > SINCE)
+    linear, angular = momenta(problem.loop.tracking(t, solution.states), masses)
+    fallen = M * t + MASS * np.clip(t - SINCE - OVER / 2, 0.0, None)
+    expected = linear[0] - gravity * np.outer(fallen, [0, 0, 1])
+    np.testing.assert_allclose(linear, expected, rtol=0, atol=1e-9)
+    if gravity != G:
+        np.testing.assert_allclose(angular, angular[[0] * len(t)], rtol=0, atol=1e-9)
+
+
+def test_it_is_there_from_the_start_where_no_time_is_given(experiment):
+    """𝕀 of both about the origin, by hand, on top of an inertia that a run draws."""
+    forces = "[{kind: payload, mass: 0.3, at: [0.1, -0.05]}]"
+    loop = experiment(
+        group="SE2",
+        inertia="[0.02, 0.8, 0.8]",
+        reference="{kind: constant}",
+        plant=f"{{inertia: {{relative: 0.5}}, forces: {forces}}}",
+    ).loops["eqt"]
+    found = loop.vehicle.inertia.at(loop.inertia.at(0.0), 0.0).matrix
+    x, y = 0.1, -0.05
+    load = 0.3 * np.array([[x * x + y * y, -y, x], [-y, 1, 0], [x, 0, 1]])
+    np.testing.assert_allclose(found, 1.5 * np.diag([0.02, 0.8, 0.8]) + load, atol=1e-15)
+
+
+def test_a_jump_of_the_true_inertia_is_an_instant(experiment):
+    matrix = "[['2 + step(t, 0.3)', 0, 0], [0, 2, 0], [0, 0, 3]]"
+    loop = experiment(plant=f"{{inertia: {{matrix: {matrix}}}}}").loops["eqt"]
+    assert 0.3 in loop.instants(1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("mass: -1", "mass: expected a number greater than 0, got -1"),
+        ("mass: {uniform: [0, 1]}", "mass: expected a number"),
+        ("mass: 1, at: [0, 0]", "at: expected 3 numbers, got 2"),
+        ("mass: 1, since: -2", "since: expected at least 0 s, got -2 s"),
+    ],
+)
+def test_what_is_no_payload_is_refused(experiment_of, options, said):
+    forces = {"forces": [yaml.safe_load(f"{{kind: payload, {options}}}")]}
+    text = yaml.safe_dump(FREE | {"plant": forces})
+    assert mentions(refusal(ConfigError, experiment_of, text), f"plant.forces[0].{said}")
+
+
+def test_a_mass_that_leaves_keeps_no_momentum(experiment_of):
+    inertia = {"matrix": [["1" if i == k else "0" for i in range(6)] for k in range(6)]}
+    plant = {"inertia": inertia | {"leaves": True}, "forces": [PAYLOAD]}
+    said = "plant.forces[0]: keeps the momentum…leaves: false…"
+    assert mentions(
+        refusal(ConfigError, experiment_of, yaml.safe_dump(FREE | {"plant": plant})), said
+    )
