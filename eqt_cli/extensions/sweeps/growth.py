@@ -436,8 +436,8 @@ def _moved(session: Session, record: dict[str, Any], held: int) -> Execution:
         folder.remove(files.SHAPES)
     ending = {"finished": now(), "seconds": session.seconds}
     record = {key: value for key, value in record.items() if key != MOVING}
-    folder.finish(record | ending)
-    folder.remove(RERUN)
+    folder.remove(RERUN)  # before the manifest says that all is done, and nobody looks here again
     folder.remove(GROWN)
+    folder.finish(record | ending)
     total, failed = session.plan.total, int(record["failed"])
     return Execution(folder, False, [], total, failed, 0, True, session.seconds, held)

@@ -9,6 +9,7 @@ from said import error_of, says
 from small_experiment import mapping
 
 from eqt_cli.api import run
+from eqt_cli.runs.folder import ResultFolder
 
 
 def grown(folder, before, after, engine):
@@ -62,6 +63,24 @@ def test_a_growth_that_ended_while_files_moved_is_no_complete_result(tmp_path, m
             run(after, tmp_path / "r", grow=True)
     assert not run(after, tmp_path / "r").outcome.was_complete  # without being asked to grow
     assert_equal(tmp_path / "r", contents(run(after, tmp_path / "whole").path))
+
+
+@pytest.mark.ci("compiles laws")
+def test_a_growth_that_ended_when_it_was_complete_leaves_no_folder_behind(tmp_path, monkeypatch):
+    few = {"time": {"duration": 0.1, "samples": 2}, "name": "x", "solver": {"engine": "native"}}
+    run(mapping(**few, ensemble={"runs": 1, "seed": 1}), tmp_path / "r")
+    finish = ResultFolder.finish
+
+    def ended(folder, manifest):
+        finish(folder, manifest)
+        raise KeyboardInterrupt
+
+    after = mapping(**few, ensemble={"runs": 2, "seed": 1})
+    monkeypatch.setattr(ResultFolder, "finish", ended)
+    with pytest.raises(KeyboardInterrupt):
+        run(after, tmp_path / "r", grow=True)
+    assert run(after, tmp_path / "r").outcome.was_complete
+    assert not {each.name for each in (tmp_path / "r").iterdir()} & {"grown", "reruns"}
 
 
 def test_nothing_of_a_result_is_lost(tmp_path):
