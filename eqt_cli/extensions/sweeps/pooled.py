@@ -31,6 +31,7 @@ from eqt_cli.analysis.maps import compare_map
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed
+from eqt_cli.extensions.sweeps.solvers_of_runs import remarks
 from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first
@@ -214,8 +215,8 @@ def answer(
     metrics: Sequence[str],
     laws: Sequence[str],
     negligible: float = NEGLIGIBLE,
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]]:
-    """Return the findings over all points, for `eqt compare --pooled`."""
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable], list[str]]:
+    """Return the findings over all points, with remarks, for `eqt compare --pooled`."""
     if not result.is_sweep:
         raise result.error("--pooled is about all points of a sweep, and this is one experiment")
     labels = [result.label_of(name) for name in laws] or list(result.labels)
@@ -229,7 +230,11 @@ def answer(
         rows = pooled(result, metric, labels, how, negligible)
         records += [asdict(row) | {"word": str(row.word)} for row in rows]
         tables.append(_table(result, rows, how, write, drawn=drawn))
-    return {"pooled": records, "points_drawn": drawn}, records, tables
+    document: dict[str, Any] = {"pooled": records, "points_drawn": drawn}
+    between = [*remarks(result)]
+    if between:
+        document["between"] = between
+    return document, records, tables, between
 
 
 def _table(
