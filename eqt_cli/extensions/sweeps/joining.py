@@ -127,7 +127,12 @@ def _union(one: Document, other: Document, first: Path, second: Path) -> Documen
             elif law != labels[law["label"]]:
                 there = shown(labels[law["label"]])
                 differing.append(f"controllers: {there} there, {shown(law)} here")
-    section: list[Any] | None = _joined_sweep(one, other)
+    sweeps = [sweep_of(each) for each in (one, other) if _section(each)]
+    axes = [[key for key in each.keys if key != SEED] for each in sweeps]
+    if len(axes) > 1 and {*axes[0]} != {*axes[1]}:
+        names = (", ".join(keys) or "none" for keys in axes)
+        differing.append("swept keys: {} there, {} here".format(*names))
+    section: list[Any] | None = None if differing else _joined_sweep(one, other)
     if section is None and bool(_section(one)) != bool(_section(other)):
         differing.append("sweep: one of them has points, and the other is a single experiment")
     if differing:
