@@ -252,15 +252,16 @@ def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
 
 
 def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
-    """Build a law at both ends of all ranges, and note the problems at the ranges."""
+    """Build a law, without the others, at both ends of all ranges; note the problems there."""
     for share in (0.0, 1.0):
         try:
             build(law.at(law.values([share] * len(law.axes))))
         except ConfigError as error:
             for problem in error.problems:
-                at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
+                end = "upper" if share else "lower"
+                at = f"at the {end} ends, controller '{law.label}' alone"
                 path = law.as_written(problem.path)
-                problems.add(f"{where}{at}: {path}: {problem.message}")
+                problems.add(f"{where}{at}: {path}: {problem.message}", *problem.remedies)
 
 
 # The folder of a search ---------------------------------------------------------------------------

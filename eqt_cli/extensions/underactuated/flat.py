@@ -277,7 +277,7 @@ class FlatReference(ClosedReference):
         motions.check_rigid_body(G, plant.inertia, problems)
         if along is None:
             problems.at("along").add(
-                "missing; the direction of the push is unknown",
+                "missing; no law, and no single direction of thrusters, says where the push points",
                 Remedy("give it in the body frame, such as along: [0, 0, 1]"),
             )
         if problems:

@@ -127,7 +127,7 @@ def test_a_key_is_named_as_it_is_written(small, key, wrong):
     with pytest.raises(ConfigError) as error:
         read(small)
     law = "slotine_li" if "slope" in key else law
-    found = f"tune.over: at the lower ends, controller '{law}': {key}: {wrong}"
+    found = f"tune.over: at the lower ends, controller '{law}' alone: {key}: {wrong}"
     assert found in str(error.value)
 
 
