@@ -645,7 +645,7 @@ class Sweep(Design):
                     if path[-1] != key:  # the place of its first value
                         path = path[:-1]
                     at_key = problems.at(index, block.name, *path)
-                    at_key.add(f"{key} {what} by an earlier block; remove one of them")
+                    at_key.add(f"{key} {what} by an earlier block; give all values there")
                     return None
             seen += (*block.keys, *block.sets)
         if not blocks and not problems:
