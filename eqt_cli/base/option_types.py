@@ -548,13 +548,16 @@ def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> se
 
 
 def _unknown_at(path: KeyPath, kind: Any, common: tuple[str, ...]) -> str:
-    """Return the message for an unknown key, which may belong to a section: gains.kp for kp."""
+    """Return the message for an unknown key, which may belong deeper: gains.kp for kp."""
     key, keys = str(path[-1]), known_keys(kind, path[:-1], common)
     if len(path) == 1:
         for name, field in getattr(kind, "model_fields", {}).items():
             models = (field.annotation, *get_args(field.annotation))
             if any(key in getattr(model, "model_fields", {}) for model in models):
                 return unknown_key(key, keys, f"{name}.{key}")
+            kinds = [mark for model in models for mark in getattr(model, "__metadata__", ())]
+            if any(key in getattr(entry, "of_every_entry", ()) for entry in kinds):
+                return unknown_key(key, keys, f"{name}[0].{key}")
     return unknown_key(key, keys)
 
 

@@ -726,11 +726,10 @@ def _check_taken(law: Controller, vehicle: Vehicle, problems: Problems) -> None:
         return
     which = takes if law.commands == "torque" else law.commands
     put, taking = f"only {TAKEN_BY[which]} takes {which}", "actuators"
+    blocks = {part.takes for part in vehicle.actuators[: vehicle.inner]}
     if law.commands == "rates":
         put += "; list it in `inner` of this law, or in `actuators` for all laws"
-    elif takes == "rates" and any(
-        part.takes == takes for part in vehicle.actuators[: vehicle.inner]
-    ):
+    elif takes == "rates" and takes in blocks:
         put, taking = "remove rate_loop from `inner`, or choose a law that commands rates", "blocks"
     elif takes == "rates":
         put = "move rate_loop from `actuators` to `inner` of each law that commands rates"

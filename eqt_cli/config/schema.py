@@ -195,7 +195,7 @@ class LawEntry:
 class LawKind(Kind):
     """An entry of `controllers`: a law, and what an entry says of it besides its options."""
 
-    of_every_law: ClassVar = ("label", "gains", "known_forces", INNER)
+    of_every_entry: ClassVar = ("label", "gains", "known_forces", INNER)
     """The keys that no law has for itself."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> LawEntry | None:
@@ -207,7 +207,7 @@ class LawKind(Kind):
             list[InnerBlock], options.pop(INNER, None) or [], problems.at(INNER), group=group
         )
         named = options if isinstance(value, dict) else value
-        law: Controller | None = self.read(named, problems, group, self.of_every_law)
+        law: Controller | None = self.read(named, problems, group, self.of_every_entry)
         if law is not None and group is not None and not law.files:
             law.check(group, problems)
         if gains is not None:

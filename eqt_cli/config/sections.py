@@ -697,9 +697,10 @@ def check_inner(vehicle: Vehicle, problems: Problems, at_actuators: Problems) ->
     moving = next((part.name for part in parts[:count] if part.moves or part.changes), "")
     for index, part in enumerate(parts[count:] if moving else ()):
         if part.sampled or part.period is not None:
+            remedy = "fly this law on a vehicle without that actuator"
             problems.add(
                 f"{at_actuators.at(index).path}, {part.name}, acts on a held command, and {moving} "
-                "changes it at all times; fly this law on a vehicle without that actuator"
+                f"changes it at all times; {remedy if part.sampled else 'remove its period'}"
             )
 
 
@@ -788,7 +789,10 @@ def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Probl
         if sampled and without_clock:
             here.add(f"{name} acts at control instants; set control.period")
         elif sampled and moving:
-            here.add(f"{name} acts on a held command; put it before {moving}")
+            remedy = f"put it before {moving}"
+            if not part.sampled:
+                remedy = f"remove its period: {moving} changes its input at all times"
+            here.add(f"{name} acts on a held command; {remedy}")
         elif part.offset is not None and part.period is None:
             here.at("offset").add("applies with a period only; add period")
         if WHEEL in before and not dump:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import count_of
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.stored import POINT
 from eqt_cli.base.yaml_source import dump
@@ -26,11 +27,10 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     """
     (path, words), rtol = loop_in_words(config), config["solver"].get("rtol")
     rows = [entry["thrusters"] for entry in config.get("actuators") or () if "thrusters" in entry]
-    sections = [config.get(section) or {} for section in ("model", "plant")]
-    forces = [force for section in sections for force in section.get("forces") or ()]
+    forces = [x for key in ("model", "plant") for x in (config.get(key) or {}).get("forces") or ()]
     ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
-    listed = [up for up in ups if isinstance(up, list)]  # None is along the last axis
-    known = [up for up in listed if all(isinstance(x, int | float) for x in up)]
+    # None is along the last axis.
+    known = [up for up in ups if isinstance(up, list) and {*map(type, up)} <= {int, float}]
     window = config.get("measure") or {}
     return {
         "window": (window.get("start") or 0.0, window.get("stop")),
@@ -89,9 +89,9 @@ def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
         if delay := control.get("delay"):
             stages[-1] += f", delay {delay}"
             departures[-1] += f", {_late(delay)}"
-    for label, kinds in _inner(config).items():
-        stages.append(f"{kinds} of {label}")
-        departures.append(f"inner blocks of {label}: {kinds}")
+    if inner := "; ".join(f"{label}: {kinds}" for label, kinds in _inner(config).items()):
+        stages.append(f"inner blocks by law ({inner})")
+        departures.append(stages[-1])
     if actuators := _kinds(config.get("actuators")):
         stages += actuators
         departures.append(f"actuators: {', '.join(actuators)}")
@@ -131,9 +131,7 @@ def _measured(entries: Any) -> str:
         parts.setdefault("" if isinstance(entry, str) else entry.get("of") or "", []).append(entry)
     descriptions = []
     for part, sensors in parts.items():
-        options: dict[str, Any] = {}
-        for entry in sensors:
-            options |= {} if isinstance(entry, str) else entry
+        options = {k: x for one in sensors if not isinstance(one, str) for k, x in one.items()}
         when = []
         if period := options.get("period"):
             when.append(f"every {period:g} s")
@@ -148,11 +146,7 @@ def _measured(entries: Any) -> str:
 
 def _late(delay: int | str) -> str:
     """Describe a delay of whole periods, or of a time."""
-    return (
-        f"{delay} late"
-        if isinstance(delay, str)
-        else f"{delay} period{'s' if delay > 1 else ''} late"
-    )
+    return f"{delay if isinstance(delay, str) else count_of(delay, 'period')} late"
 
 
 def _kinds(entries: Any) -> list[str]:

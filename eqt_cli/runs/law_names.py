@@ -52,7 +52,7 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
         for index, entry in enumerate(data["controllers"]):
             if isinstance(entry, dict):
                 entry = {
-                    key: value for key, value in entry.items() if key not in LawKind.of_every_law
+                    key: value for key, value in entry.items() if key not in LawKind.of_every_entry
                 }
             law: Controller = Kind(controllers).read(entry, Problems())
             identity = _identity(law)

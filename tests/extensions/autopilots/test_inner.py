@@ -15,6 +15,7 @@ from eqt_cli.analysis.maps import map_tables
 from eqt_cli.api.loading import open_at
 from eqt_cli.extend import EqtError
 from eqt_cli.results.quantity import Plain
+from eqt_cli.runs.description import loop_in_words
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "autopilot"
 PERIOD, DURATION = 0.004, 0.2
@@ -190,3 +191,11 @@ def test_a_comparison_over_points_says_which_blocks_laws_do_not_share(tmp_path):
     with open_at(tmp_path / "swept") as result:
         note = map_tables(wins, result, Plain())[0].notes[0]
     assert "rate (rate_loop), EqT (none)" in note
+
+
+def test_the_signal_path_has_inner_blocks_by_law():
+    pid = [{"kind": "rate_loop", "bandwidth": 30}, {"kind": "scale", "factor": 6}]
+    laws = [{"label": "PX4", "inner": pid}, {"label": "Lee", "inner": pid[1:]}, {"label": "gt"}]
+    path, _ = loop_in_words({"controllers": laws})
+    blocks = "inner blocks by law (PX4: rate_loop, scale; Lee: scale)"
+    assert path == f"reference → law → {blocks} → plant → law"
