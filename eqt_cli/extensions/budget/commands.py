@@ -50,7 +50,7 @@ def budget(
     from eqt_cli.cli.tables import as_csv, as_latex
     from eqt_cli.extensions.budget.budget import SHARES
     from eqt_cli.extensions.budget.budget import budget as budget_of
-    from eqt_cli.extensions.budget.tables import BudgetInWords
+    from eqt_cli.extensions.budget.tables import BudgetInWords, in_latex
     from eqt_cli.results.quantity import Window
 
     if json and format is not TableFormat.TEXT:
@@ -76,7 +76,7 @@ def budget(
     elif format is TableFormat.CSV:
         output.print_verbatim(as_csv(made.records()))
     elif format is TableFormat.LATEX:
-        of_laws = (as_latex(say.sources(law)) for law in made.laws)
+        of_laws = (as_latex(in_latex(say.sources(law))) for law in made.laws)
         output.print_verbatim("\n\n".join(of_laws))
     elif quiet:
         output.print_verbatim("\n".join(line for law in made.laws for line in say.answer(law)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -123,6 +124,16 @@ def over_window(window: Window) -> str:
     if math.isinf(window.stop):
         return f"from {window.start:g} s on" if window.start else "over the whole time"
     return f"from {window.start:g} to {window.stop:g} s"
+
+
+def in_latex(table: TextTable) -> TextTable:
+    """Return a table whose cells LaTeX reads: a bare % would begin a comment and lose the row."""
+    special = str.maketrans({"%": r"\%", "_": r"\_", "−": "$-$"})
+    blocks = [
+        Block(block.title, [[cell.translate(special) for cell in row] for row in block.rows])
+        for block in table.blocks
+    ]
+    return replace(table, blocks=blocks)
 
 
 def _share(value: float, total: float) -> str:

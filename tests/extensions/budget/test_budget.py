@@ -1,14 +1,19 @@
 """Budgets of loops that are linear near rest, against their covariance in closed form."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
-from eqt_cli.extensions.budget.budget import rooted_mean
-from eqt_cli.extensions.budget.quantiles import mixed, of_runs
-from eqt_cli.extensions.budget.sources import sources_of, without
+from eqt_cli.cli.tables import as_latex
+from eqt_cli.extensions.budget.budget import Budget, LawBudget, Row, rooted_mean
+from eqt_cli.extensions.budget.quantiles import Interval, mixed, of_runs
+from eqt_cli.extensions.budget.sources import Source, sources_of, without
+from eqt_cli.extensions.budget.tables import BudgetInWords, in_latex
+from eqt_cli.results.quantity import Window
 
 J = np.array([0.3, 0.2, 0.1])
 STIFFNESS, KD, T = 0.24, 0.2, 0.1  # Lee's law with kp 0.12: e_R is the angle, k_R = 2 kp
@@ -139,6 +144,19 @@ def test_a_number_without_its_unit_is_remarked_on_before_the_runs():
     refused = pytest.raises(EqtError, match="unknown error")
     with pytest.warns(EqtWarning, match="894 deg/sqrt"), refused:
         eqt_cli.error_budget({**BODY, "sensors": sensors}, error="none")
+
+
+def test_a_budget_in_latex_escapes_what_latex_reads_as_its_own():
+    def exactly(value):
+        return Interval(value, value, value)
+
+    row = Row(Source("sensors.depth_2.delay", "late"), exactly(-0.5), exactly(-0.5))
+    law = LawBudget("gt", "GT", 5, 0, exactly(1.0), 1.0, [row], [])
+    made = Budget("b", "attitude_angle", "deg", Window(), [law])
+    lines = as_latex(in_latex(BudgetInWords(made).sources(law))).splitlines()
+    body = [line for line in lines if not line.startswith("%")]
+    assert any(r"\%" in line and r"depth\_2" in line for line in body)
+    assert not re.search(r"(?<!\\)[%_]|−", "\n".join(body))
 
 
 # Quantiles ----------------------------------------------------------------------------------------
