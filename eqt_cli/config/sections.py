@@ -207,6 +207,9 @@ OFFSETS, REFINEMENTS = np.linspace(-1.0, 1.0, 41), 8
 IDENTITY_TOLERANCE = 1e-12
 """Largest deviation of S(0) from the identity: rounding of the expressions."""
 
+JUMP = 1e-5
+"""Relative change of an inertia within 2e-9 of the horizon that counts as a jump."""
+
 Constant = float | list[float] | list[list[float]]
 
 
@@ -345,6 +348,20 @@ def _require_constant_mass(law: InertiaLaw, G: MatrixLieGroup, times: Array) -> 
                 "joins at the velocity of the body, so that m dv/dt = F, as in a rocket, or "
                 "`leaves: false` if the momentum is kept, so that d(m v)/dt = F, as where mass "
                 "joins from rest"
+            )
+
+
+def _require_no_jump(law: InertiaLaw, G: MatrixLieGroup, horizon: float) -> None:
+    """Raise an `InputError` where a true inertia jumps: runs keep V there, not the momentum."""
+    if getattr(law, "leaves", False):
+        return
+    for t in law.instants(G, horizon):
+        near = 1e-9 * horizon
+        before, after = matrices_at(law, np.array([t - near, t + near]))
+        if np.abs(after - before).max() > JUMP * np.abs(before).max():
+            raise InputError(
+                f"jumps at t = {t:g} s, and a run does not keep the momentum there; write "
+                f"smoothstep(t, {t:g}, {t + 0.01:g}), or `leaves: true` to keep the velocity"
             )
 
 
@@ -816,7 +833,11 @@ def _inertia(
         return vehicle_parts.RelativeInertia(value)
     if isinstance(section, schema.Section):
         law = inertia_from(section, G, horizon, problems)
-        return None if law is None else vehicle_parts.VaryingInertia(law)
+        if law is None:
+            return None
+        with problems.catching():
+            _require_no_jump(law, G, horizon)
+        return vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)
     if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:
         return None

@@ -73,10 +73,18 @@ def test_it_is_there_from_the_start_where_no_time_is_given(experiment):
     np.testing.assert_allclose(found, 1.5 * np.diag([0.02, 0.8, 0.8]) + load, atol=1e-15)
 
 
-def test_a_jump_of_the_true_inertia_is_an_instant(experiment):
-    matrix = "[['2 + step(t, 0.3)', 0, 0], [0, 2, 0], [0, 0, 3]]"
-    loop = experiment(plant=f"{{inertia: {{matrix: {matrix}}}}}").loops["eqt"]
-    assert 0.3 in loop.instants(1.0)
+def test_a_true_inertia_does_not_jump_and_its_pieces_are_instants(experiment):
+    """At a jump of 𝕀, runs would keep V in place of 𝕀V."""
+
+    def plant(entry, leaves="null"):
+        matrix = f"[['2 + {entry}', 0, 0], [0, 2, 0], [0, 0, 3]]"
+        return f"{{inertia: {{matrix: {matrix}, leaves: {leaves}}}}}"
+
+    loop = experiment(plant=plant("smoothstep(t, 0.3, 0.4)")).loops["eqt"]
+    assert {0.3, 0.4} <= {*loop.instants(1.0)}
+    assert 0.3 in experiment(plant=plant("step(t, 0.3)", "true")).loops["eqt"].instants(1.0)
+    said = "plant.inertia: jumps at t = 0.3 s…smoothstep…leaves: true…"
+    assert mentions(refusal(ConfigError, experiment, plant=plant("step(t, 0.3)")), said)
 
 
 @pytest.mark.parametrize(
