@@ -381,7 +381,7 @@ class Environment(VectorEnv[Array, Array, Array]):
                 for salt, size in zip((START, ERRORS), sizes, strict=True)
             )
         self.plant.begin(which, runs, np.minimum(rows, self._episodes.rows - 1))
-        self.runs[which], self._last[which] = runs, 0.0
+        self.runs[which], self._last[which], self._rewards[which] = runs, 0.0, 0.0
         self._horizon[which], self._ended[which] = self.plant.ticks, False
         self.reward.begin(which)
 

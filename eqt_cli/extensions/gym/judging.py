@@ -21,23 +21,29 @@ class JudgedByTraining(Conclusion):
     ----------
     label
         The law.
+    seed
+        That of its training.
     """
 
     label: str = ""
+    seed: int = 0
 
     def compared(self, result: Result) -> list[str]:
         """Refuse."""
-        seed = seed_of(result.config)
         raise result.error(
-            f"'{printable(self.label)}' was trained on the runs of seed {seed}, which are those of "
+            f"'{printable(self.label)}' was trained on the runs of seed {self.seed}, which are of "
             "this result, so a comparison would flatter it; run the experiment with another "
-            f"ensemble.seed, as --set ensemble.seed={seed + 1000}"
+            f"ensemble.seed, as --set ensemble.seed={self.seed + 1000}"
         )
 
 
-def seed_of(config: Mapping[str, Any]) -> int:
-    """Return the seed of a configuration."""
-    return int((config.get("ensemble") or {}).get("seed", 0))
+def seeds_of(result: Result) -> set[int]:
+    """Return the seeds of a result: of its configuration, and those that a sweep takes."""
+    seeds = {int((result.config.get("ensemble") or {}).get("seed", 0))}
+    for swept in result.swept_keys:
+        if swept.key == "ensemble.seed":
+            seeds |= {int(seed) for seed in swept.values}
+    return seeds
 
 
 def conclude(result: Result) -> Conclusion | None:
@@ -46,11 +52,12 @@ def conclude(result: Result) -> Conclusion | None:
     if '\\"trained\\"' not in stored:  # which most results are spared from
         return None
     with suppress(ValueError, TypeError, AttributeError, KeyError, RecursionError):
-        texts, config = json.loads(stored), result.config
-        for law in config["controllers"]:
+        texts = json.loads(stored)
+        for law in result.config["controllers"]:
             about = trained(texts, law) if isinstance(law, dict) else {}
-            if about.get("seed") == seed_of(config):
-                return JudgedByTraining(label=str(law.get("label", law["kind"])))
+            if about.get("seed") in seeds_of(result):
+                label = str(law.get("label", law["kind"]))
+                return JudgedByTraining(label=label, seed=int(about["seed"]))
     return None
 
 

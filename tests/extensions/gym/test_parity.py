@@ -242,6 +242,9 @@ def test_a_policy_is_not_judged_by_the_runs_of_its_training(tmp_path):
                     results[seed] = eqt_cli.run(loaded, tmp_path / f"{seed}")
             else:
                 results[seed] = eqt_cli.run(loaded, tmp_path / f"{seed}")
+        seeds = {"ensemble.seed": [1, env.training_seed]}
+        swept = eqt_cli.sweep(config, seeds, out=tmp_path / "swept")
+    assert "was trained on the runs of seed 2" in error_of(eqt_cli.compare, swept)
     said = error_of(eqt_cli.compare, results[env.training_seed], controllers=["policy"])
     assert says(said, "…'policy' was trained on the runs of seed 2…ensemble.seed=1002")
     said = error_of(eqt_cli.compare, results[1], other=results[env.training_seed])
