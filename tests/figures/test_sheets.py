@@ -28,9 +28,10 @@ SEARCHED = ("fronts", "tuned", "worst")
 CASES = [
     name
     for name, (results, *_) in sheets.FIGURES.items()
-    if not set(results.split()) & set(SEARCHED) and name != "pareto, flies"
+    if not set(results.split()) & set(SEARCHED)
+    and name not in ("pareto, flies", "winners, scenarios")
 ]
-"""All but those of searches, which take minutes, and one that is refused."""
+"""All but those of searches, which take minutes, and two that are refused."""
 
 
 @pytest.mark.ci("draws every figure in each width")

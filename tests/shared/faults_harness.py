@@ -47,7 +47,9 @@ actuators: [{kind: limit, limit: {uniform: [0.8, 1.2]}}, {kind: lag, time_consta
 control: {period: 0.1, delay: 1}
 sensors:
   pose: [{kind: noise, std: 0.01}]
-  velocity: [{kind: noise, density: 0.01}, {kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}]
+  velocity:
+    - {kind: noise, density: 0.01 rad/sqrt(s)}
+    - {kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}
 """
 FLYING = RUN + FLIGHT
 FLYING_NATIVE = FLYING.replace("rtol: 1.0e-6, block: 10", "engine: native, rtol: 1.0e-6")

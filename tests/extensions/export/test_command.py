@@ -174,7 +174,7 @@ def test_a_plugin_has_the_functions_that_it_calls(config, export_plugin, real):
 
 def test_a_law_that_cannot_be_traced_says_why(export_plugin):
     done = export_plugin("if s.V_tilde[..., 0].max() > 1 else s.V_tilde", code=2)
-    assert done.stderr == (
+    assert done.stderr.endswith(
         "eqt: controller 'careful' cannot be compiled: TypeError: '>' not supported between "
         "instances of 'Symbol' and 'int' at careful.py:13: return -2.0 * s.V_tilde if s.V_tilde["
         "..., 0].max() > 1 else s.V_tilde; write it with operators, @ and the functions of "
