@@ -32,7 +32,8 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
         times, Q, V = shown.times[at], shown.pose[at], shown.velocity[at]
         states = [loop.initial_state(q, v, q, v, t) for q, v, t in zip(Q, V, times, strict=True)]
         s = loop.holding(times).tracking(times, np.stack(states))
-        apart, size = norm(law.torque(s) - s.tau_d), np.abs(s.tau_d).max()
+        with np.errstate(all="ignore"):  # its runs say what is no number
+            apart, size = norm(law.torque(s) - s.tau_d), np.abs(s.tau_d).max()
         if not apart.max() > APART * (size + np.abs(s.stiffness).max()):
             continue
         worst = apart.argmax()
