@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
-from eqt_cli.base.extensions import all_kinds, function_for, functions_for
+from eqt_cli.base.extensions import all_kinds, function_for, functions_for, imported
+from eqt_cli.base.extensions import shipped as shipped_extensions
 from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
@@ -413,5 +414,7 @@ def schema() -> None:
     output.print_json(of_files(json_schema()))
 
 
-for add_to in functions_for("commands of eqt config"):
-    add_to(app)
+# Of eqt's own: this is read before others' extensions are, and told about them once.
+for extension in shipped_extensions():
+    if "commands of eqt config" in extension.functions:
+        imported(extension.functions["commands of eqt config"])(app)
