@@ -208,7 +208,8 @@ IDENTITY_TOLERANCE = 1e-12
 """Largest deviation of S(0) from the identity: rounding of the expressions."""
 
 JUMP = 1e-5
-"""Relative change of an inertia within 2e-9 of the horizon that counts as a jump."""
+"""Share of the velocity by which run and body differ behind a jump of an inertia; what changes
+within 2e-9 of the horizon without one is less."""
 
 Constant = float | list[float] | list[list[float]]
 
@@ -348,20 +349,6 @@ def _require_constant_mass(law: InertiaLaw, G: MatrixLieGroup, times: Array) -> 
                 "joins at the velocity of the body, so that m dv/dt = F, as in a rocket, or "
                 "`leaves: false` if the momentum is kept, so that d(m v)/dt = F, as where mass "
                 "joins from rest"
-            )
-
-
-def _require_no_jump(law: InertiaLaw, G: MatrixLieGroup, horizon: float) -> None:
-    """Raise an `InputError` where a true inertia jumps: runs keep V there, not the momentum."""
-    if getattr(law, "leaves", False):
-        return
-    for t in law.instants(G, horizon):
-        near = 1e-9 * horizon
-        before, after = matrices_at(law, np.array([t - near, t + near]))
-        if np.abs(after - before).max() > JUMP * np.abs(before).max():
-            raise InputError(
-                f"jumps at t = {t:g} s, and a run does not keep the momentum there; write "
-                f"smoothstep(t, {t:g}, {t + 0.01:g}), or `leaves: true` to keep the velocity"
             )
 
 
@@ -632,6 +619,8 @@ def vehicle_from(
         entries += [(at_sensors.at(name, k), part) for k, part in enumerate(errors)]
     section = "model" if plant.forces is None else "plant"
     inertia = _loaded(inertia, model, forces or (), problems.at(section, "forces"))
+    if model is not None and not problems:
+        _check_jumps(model, inertia, G, horizon, problems)
     vehicle = Vehicle(
         inertia,
         tuple(forces or ()),
@@ -675,6 +664,44 @@ def _loaded(
                 problems.at(index).add(f"{said} of the body; write `leaves: false`, or remove one")
             inertia = force.loaded(inertia)
     return inertia
+
+
+def _check_jumps(
+    model: InertiaLaw,
+    true: vehicle_parts.TrueInertia | None,
+    G: MatrixLieGroup,
+    horizon: float,
+    problems: Problems,
+) -> None:
+    """Note a time at which an inertia jumps, and a body keeps something else than a run does.
+
+    A run keeps 𝕀V of the model. A body keeps that of the true inertia, or V where mass leaves.
+    """
+    if true is None and not model.at(0.0).leaves:
+        return
+    times, near = {"inertia": model.instants(G, horizon)}, 1e-9 * horizon
+    if true is not None:
+        true = true.of_run(G, None)
+        times["plant.inertia"] = true.instants(G, horizon)
+    for key, t in [(key, t) for key, of_key in times.items() for t in of_key]:
+        models = [model.at(at) for at in (t - near, t + near)]
+        bodies = models
+        if true is not None:
+            bodies = [true.at(x, at) for x, at in zip(models, (t - near, t + near), strict=True)]
+        by_run, by_body = (after.inverse @ before.matrix for before, after in (models, bodies))
+        leaves = bodies[0].leaves
+        if leaves:
+            by_body = np.eye(G.dimension)
+        if np.abs(by_run - by_body).max() > JUMP:
+            kept = "velocity" if leaves else "momentum"
+            remedy = f"write smoothstep(t, {t:g}, {t + 0.01:g})"
+            if key != "inertia":
+                remedy += ", or `leaves: true` to keep the velocity"
+            problems.at(*key.split(".")).add(
+                f"jumps at t = {t:g} s, and a run does not keep the {kept} of the body there; "
+                f"{remedy}"
+            )
+            return
 
 
 def _check_readers(vehicle: Vehicle, problems: Problems) -> None:
@@ -833,11 +860,7 @@ def _inertia(
         return vehicle_parts.RelativeInertia(value)
     if isinstance(section, schema.Section):
         law = inertia_from(section, G, horizon, problems)
-        if law is None:
-            return None
-        with problems.catching():
-            _require_no_jump(law, G, horizon)
-        return vehicle_parts.VaryingInertia(law)
+        return None if law is None else vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)
     if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:
         return None

@@ -87,6 +87,19 @@ def test_a_true_inertia_does_not_jump_and_its_pieces_are_instants(experiment):
     assert mentions(refusal(ConfigError, experiment, plant=plant("step(t, 0.3)")), said)
 
 
+def test_a_model_jumps_only_where_runs_keep_what_the_body_keeps(experiment):
+    """A run keeps 𝕀V of the model: not of a constant true inertia, and not V where mass leaves."""
+    matrix = "matrix: [['2 + step(t, 0.3)', 0, 0], [0, 2, 0], [0, 0, 3]]"
+    jumping, said = f"{{{matrix}}}", "inertia: jumps at t = 0.3 s…the momentum of…smoothstep…"
+    experiment(inertia=jumping)
+    experiment(inertia=jumping, plant="{inertia: {relative: 0.5}}")
+    assert mentions(
+        refusal(ConfigError, experiment, inertia=jumping, plant="{inertia: [2, 2, 3]}"), said
+    )
+    leaving, said = f"{{{matrix}, leaves: true}}", "inertia: jumps…the velocity of…smoothstep…"
+    assert mentions(refusal(ConfigError, experiment, inertia=leaving), said)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
