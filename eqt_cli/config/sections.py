@@ -693,12 +693,12 @@ def _check_jumps(
         if leaves:
             by_body = np.eye(G.dimension)
         if np.abs(by_run - by_body).max() > JUMP:
-            kept = "velocity" if leaves else "momentum"
+            quantity = "velocity" if leaves else "momentum"
             remedy = f"write smoothstep(t, {t:g}, {t + 0.01:g})"
             if key != "inertia":
                 remedy += ", or `leaves: true` to keep the velocity"
             problems.at(*key.split(".")).add(
-                f"jumps at t = {t:g} s, and a run does not keep the {kept} of the body there; "
+                f"jumps at t = {t:g} s, and a run does not keep the {quantity} of the body there; "
                 f"{remedy}"
             )
             return
