@@ -443,8 +443,8 @@ def compare(tmp_path, law, group):
     if "desired_pose" in loop.layout.slices:  # a pose in which no entry is 0 or 1
         turned = G.exp(0.3 * np.arange(1, 1 + G.dimension))
         states[:, loop.layout.slices["desired_pose"]] = G.pack(turned)
-    if found.program.memory:  # as if it had flown
-        where = loop.layout.slices["controller.integral"]
+    for each in found.program.memory:  # as if it had flown
+        where = loop.layout.slices[f"controller.{each.source}"]
         states[:, where] = 0.1 * np.arange(1, 1 + where.stop - where.start)
     rows = [
         Rows(states, by_run=True),
@@ -464,5 +464,6 @@ def compare(tmp_path, law, group):
         asked = loop.command(loop.tracking(0.0, after[run]))
         assert torque.tobytes() == asked.tobytes()
         assert np.abs(torque).max() > 1e-3
-        for z in later.values():
-            assert kept.tobytes() == z[run].tobytes()
+        if later:
+            z = np.concatenate([later[each.source][run] for each in found.program.memory])
+            assert kept.tobytes() == z.tobytes()
