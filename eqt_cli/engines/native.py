@@ -303,7 +303,8 @@ def sampled(
 def parameter_rows(problem: Problem) -> Array:
     """Return every run's leaves in a row, in the order in which they are traced."""
     columns = problem.leaves_of_runs().values()
-    return np.concatenate([values.reshape(problem.runs, -1) for values in columns], axis=1)
+    rows = np.concatenate([values.reshape(problem.runs, -1) for values in columns], axis=1)
+    return np.ascontiguousarray(rows, dtype=float)  # as C reads them
 
 
 def held_rows(loop: ClosedLoop, times: Array, program: Program) -> Array:
