@@ -19,7 +19,7 @@ def changed_files(first: KnownResult, second: KnownResult) -> list[str]:
     """Return the names of stored files, such as plugins, that differ or that one result lacks."""
     _, texts, renamings = configurations((first, second))
     named = zip(texts, renamings, strict=True)
-    return [each["key"] for each in changes(*({n[k]: x[k] for k in x} for x, n in named))]
+    return [change["key"] for change in changes(*({n[k]: x[k] for k in x} for x, n in named))]
 
 
 Texts = list[dict[str, str]]

@@ -386,8 +386,8 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
             largest = [_difference(wins, most, write), at]
         counted.append([write.text(title), str(len(won)), *largest])
     counted += [[word, str(count), "", ""] for word, count in wins.without_winners().items()]
-    each = f"{count_of(wins.runs, 'run')} each"
-    caption = f"Which law has the better {name}, at {points} points of {each}"
+    of_point = f"{count_of(wins.runs, 'run')} each"
+    caption = f"Which law has the better {name}, at {points} points of {of_point}"
     heading = write.text("largest median difference, % of the other law")
     header = ["law", "points won", heading, "at"]
     inner = dict(zip(wins.titles, map(result.described.inner.get, wins.labels), strict=True))

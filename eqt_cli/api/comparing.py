@@ -178,7 +178,7 @@ def _require_same(first: Result, second: Result, sections: Sequence[str]) -> Non
     for section in sections:
         if section not in Config.model_fields:
             raise EqtError(f"no section '{section}'{suggestion(section, Config.model_fields)}")
-        changes = [each["key"] for each in changed_keys(first, second)]
+        changes = [change["key"] for change in changed_keys(first, second)]
         changed = [key for key in changes if key.partition(".")[0] == section]
         if changed or not _agree(first, second, _STORED.get(section, ())):
             what = ", ".join(changed) or "its values"
@@ -202,13 +202,13 @@ def _between(first: Result, second: Result) -> list[str]:
 
     paired = _agree(first, second, _STORED["initial"])
     changes = [
-        f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"
-        for each in changed_keys(first, second)
+        f"{change['key']} {change.get('first', '-')} → {change.get('second', '-')}"
+        for change in changed_keys(first, second)
     ]
     changes += [f"file {name}" for name in changed_files(first, second)]
     if len(changes) > MOST_CHANGES:
         changes[MOST_CHANGES:] = [f"{len(changes) - MOST_CHANGES} more (`eqt diff`)"]
-    versions = [str(each.provenance.get("eqt")) for each in (first, second)]
+    versions = [str(result.provenance.get("eqt")) for result in (first, second)]
     if versions[0] != versions[1]:
         changes.append(f"eqt {' → '.join(versions)}")
     return [

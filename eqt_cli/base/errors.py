@@ -194,7 +194,7 @@ class ConfigError(EqtError):
 
 def alike(name: str, names: Iterable[str]) -> str | None:
     """Return the first of some names that equals a name but for capitals; files may not differ."""
-    return next((each for each in names if each.casefold() == name.casefold()), None)
+    return next((candidate for candidate in names if candidate.casefold() == name.casefold()), None)
 
 
 def bare(name: str) -> str:

@@ -225,7 +225,7 @@ def number_of(value: Any) -> Any:
     if not unit:
         return number
     if getattr(value, "mixed", False):
-        listed = " and ".join(offered(each).partition(" in ")[0] for each in units)
+        listed = " and ".join(offered(choice).partition(" in ")[0] for choice in units)
         raise ValueError(
             f"expected a list with an entry for each coordinate, because they are of different "
             f"kinds ({listed}), got '{value}'"

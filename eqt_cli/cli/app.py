@@ -98,10 +98,10 @@ def _hint(typed: str, context: Any) -> str:
         lead = "".join(hint(typed) for hint in functions_for("command for a word"))
         return lead or suggestion(typed, getattr(context.command, "commands", {}))
     value = typed.lstrip("-")
-    for each in context.command.params:  # a format typed as an option, such as --latex
-        if "--format" in each.opts and value in re.findall(r"\w+", each.help or ""):
+    for parameter in context.command.params:  # a format typed as an option, such as --latex
+        if "--format" in parameter.opts and value in re.findall(r"\w+", parameter.help or ""):
             return f"; did you mean '--format {value}'?"
-    options = [name.lstrip("-") for each in context.command.params for name in each.opts]
+    options = [name.lstrip("-") for parameter in context.command.params for name in parameter.opts]
     return suggestion(typed.lstrip("-"), options).replace("'", "'--", 1)
 
 

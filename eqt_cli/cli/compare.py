@@ -245,13 +245,13 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
     if format is TableFormat.CSV:
         output.print_verbatim(as_csv(shown.records))
     elif format is TableFormat.LATEX:
-        output.print_verbatim("\n\n".join(as_latex(each, columns) for each in shown.tables))
+        output.print_verbatim("\n\n".join(as_latex(table, columns) for table in shown.tables))
     else:
         if shown.premises:
             output.print_text(*shown.premises)
-        for number, each in enumerate(shown.tables):
+        for number, table in enumerate(shown.tables):
             blank = [""] if number > 0 or shown.premises else []
-            output.print_text(*blank, output.laid_out(each))
+            output.print_text(*blank, output.laid_out(table))
         _print_timing(result if result.is_dir() else result.parent, result)
     for remark in shown.remarks:
         output.say(remark)
@@ -270,9 +270,9 @@ def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.results.quantity import WHOLE, Plain
 
     write, rows = Plain(), []
-    for each in results.comparable.values():
-        window = "whole run" if each.window == WHOLE else f"{each.window} s"
-        rows.append([each.name, write.name(each), "any" if each.windowed else window])
+    for quantity in results.comparable.values():
+        window = "whole run" if quantity.window == WHOLE else f"{quantity.window} s"
+        rows.append([quantity.name, write.name(quantity), "any" if quantity.windowed else window])
     output.print_records(["metric", "is", "window"], rows, json=json)
 
 
@@ -319,12 +319,15 @@ def _of_whole(
         maps = api.compare_sweep(path, **{**chosen, "metrics": metrics}, share=share, **vars(how))
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS
-        made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
-        made.sort(key=lambda each: each.name != TableName.WINNERS)  # the answers first
-        shown = [each for each in made if table is None or each.name == table]
-        notes = dict.fromkeys(note for each in shown for note in each.notes)  # once, at the end
-        shown = [replace(each, notes=[]) for each in shown]
-        shown[-1:] = [replace(each, notes=list(notes)) for each in shown[-1:]]
+        made = [
+            map_table for one in maps for map_table in map_tables(one, result, write, whole=whole)
+        ]
+        made.sort(key=lambda map_table: map_table.name != TableName.WINNERS)  # the answers first
+        shown = [map_table for map_table in made if table is None or map_table.name == table]
+        notes = dict.fromkeys(note for map_table in shown for note in map_table.notes)
+        # Notes stand once, at the end.
+        shown = [replace(map_table, notes=[]) for map_table in shown]
+        shown[-1:] = [replace(map_table, notes=list(notes)) for map_table in shown[-1:]]
         return _Findings({"points": records}, records, shown)
 
 

@@ -72,12 +72,12 @@ def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
 
 def laws(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete the label of a law in the results on the line."""
-    return _starting(incomplete, {name: "" for each in _results(ctx) for name in each.labels})
+    return _starting(incomplete, {name: "" for result in _results(ctx) for name in result.labels})
 
 
 def metrics(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete the name of a metric in the results on the line."""
-    known = {n: q.plain for each in _results(ctx) for n, q in each.comparable.items()}
+    known = {n: q.plain for result in _results(ctx) for n, q in result.comparable.items()}
     return _starting(incomplete, known)
 
 
@@ -150,7 +150,7 @@ def _known() -> dict[str, Any]:
         "names": {
             kind: {one.name: summary(one) for one in registry(kind).all()} for kind in all_kinds()
         },
-        "keys": {each.key: each.meaning for each in keys_of(json_schema())},
+        "keys": {entry.key: entry.meaning for entry in keys_of(json_schema())},
         "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
     }
     with suppress(OSError):

@@ -85,7 +85,10 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
     for tell in functions_for("meaning of a word"):
         of_words, more = tell(name, {component.name for component in components.values()})
     if not components and not more:
-        names = [*kinds, *(each for kind in all_kinds() for each in registry(kind).names())]
+        names = [
+            *kinds,
+            *(component for kind in all_kinds() for component in registry(kind).names()),
+        ]
         hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
         raise EqtError(f"unknown kind or component '{name}'{hint}")
     name = min((component.name for component in components.values()), default=name)
@@ -93,11 +96,11 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
     records = []
     texts: list[str | Text] = []
     for kind, component in components.items():
-        keys = [asdict(each) for each in keys_of_component(component)]
+        keys = [asdict(entry) for entry in keys_of_component(component)]
         records.append({"kind": kind, "name": name, "summary": summary(component), "options": keys})
         texts += [*([""] if texts else []), f"{name}, of {kind}: {summary(component)}"]
         if keys:
-            rows = [[text.replace("`", "") for text in each.values()] for each in keys]
+            rows = [[text.replace("`", "") for text in entry.values()] for entry in keys]
             texts += ["", output.table(["option", "value", "default", "meaning"], rows)]
     if config:
         texts += ["", f"example, from configs/{config}.yaml; it runs by `eqt run {config}`:", ""]
@@ -127,13 +130,13 @@ def _described(kind: str) -> list[dict[str, Any]]:
         from eqt_cli.results.metrics import METRICS, own_quantity
 
         listed = []
-        for each in (*METRICS, *map(own_quantity, registry(kind).all())):
-            of_signal = getattr(signal_of(each.signals[0]), "unit", "unit of the signal")
-            unit = each.unit(of_signal.replace("_", " "))  # such as the force unit of the group
-            listed.append({"name": each.name, "summary": each.long_name, "unit": unit})
+        for metric in (*METRICS, *map(own_quantity, registry(kind).all())):
+            of_signal = getattr(signal_of(metric.signals[0]), "unit", "unit of the signal")
+            unit = metric.unit(of_signal.replace("_", " "))  # such as the force unit of the group
+            listed.append({"name": metric.name, "summary": metric.long_name, "unit": unit})
         return listed
     first = yaml.safe_load(shipped.text("paper"))["controllers"]  # the paper's laws lead the list
-    ordered = sorted(registry(kind).all(), key=lambda each: [*first, each.name].index(each.name))
+    ordered = sorted(registry(kind).all(), key=lambda law: [*first, law.name].index(law.name))
     return [
         {
             "name": component.name,
@@ -390,19 +393,19 @@ def keys(
     from eqt_cli.config.json_schema import json_schema, keys_of, within
 
     listed, (section, _, name) = keys_of(json_schema()), (key or "").rpartition(".")
-    names = {each.key for each in listed}
+    names = {entry.key for entry in listed}
     if key not in names and section in names and _of_name(name):
         return _explain(name, [], json)  # controllers.cascade
     if key is not None:
         listed = within(listed, key)
     if key is None and not json:
-        sections = [each.key for each in listed if not re.search(r"[.\[]", each.key)]
+        sections = [entry.key for entry in listed if not re.search(r"[.\[]", entry.key)]
         output.print_text(
             f"{len(listed)} keys in {len(sections)} sections; `eqt config keys gains` shows one "
             f"section: {', '.join(sections)}",
             "",
         )
-    rows = [[text.replace("`", "") for text in asdict(each).values()] for each in listed]
+    rows = [[text.replace("`", "") for text in asdict(entry).values()] for entry in listed]
     output.print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 

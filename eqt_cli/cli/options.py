@@ -320,20 +320,20 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
         if not is_dataclass(group):
             listed.append(parameter.replace(annotation=hints[name]))
             continue
-        shown = [each for each in fields(group) if each.name not in set().union(*left_out)]
-        groups[name] = group, [each.name for each in shown]
+        shown = [field for field in fields(group) if field.name not in set().union(*left_out)]
+        groups[name] = group, [field.name for field in shown]
         types = get_type_hints(group, include_extras=True)
-        for each in shown:
+        for field in shown:
             listed.append(
                 Parameter(
-                    each.name, parameter.kind, default=each.default, annotation=types[each.name]
+                    field.name, parameter.kind, default=field.default, annotation=types[field.name]
                 )
             )
 
     @wraps(command)
     def with_groups(**values: Any) -> None:
         for name, (group, names) in groups.items():
-            values[name] = group(**{each: values.pop(each) for each in names})
+            values[name] = group(**{option: values.pop(option) for option in names})
         command(**values)
 
     with_groups.__signature__ = Signature(listed)  # type: ignore[attr-defined]  # typer reads it

@@ -227,8 +227,8 @@ def results(
     paths = list(folder.rglob(FILE_NAME))
     whole = {path.parent for path in paths}  # generations of a search lie inside its result
     records = [_listed(path) for path in paths if not whole & {*path.parent.parents}]
-    records.sort(key=lambda each: each["begun"], reverse=True)
-    rows = [[str(cell) for cell in each.values()] for each in records]
+    records.sort(key=lambda record: record["begun"], reverse=True)
+    rows = [[str(cell) for cell in record.values()] for record in records]
     header = ["result", "begun, UTC", "laws", "runs", "headline"]
     text = output.laid_out(TextTable("results", "", header, [Block("", rows)], [], (header[1],)))
     pieces = [text] if rows else []

@@ -42,7 +42,7 @@ def as_latex(table: TextTable, text_columns: int = 2) -> str:
     made = map(_tabular, table.narrow(MOST_COLUMNS[text_columns]))
     # Names of measures wrap in one column of text.
     first = r"{@{}p{0.28\columnwidth}" if text_columns == 1 else "{@{}l"
-    return "\n\n".join(each.replace("{l", first, 1) for each in made)
+    return "\n\n".join(column.replace("{l", first, 1) for column in made)
 
 
 def _tabular(table: TextTable) -> str:

@@ -131,13 +131,17 @@ def with_derived(dataset: xarray.Dataset, G: MatrixLieGroup, angles: str = "") -
         pose, velocity = (dataset.variables.get(f"{prefix}{of}") for of in ("pose", "velocity"))
         if pose is None or velocity is None or "time" not in pose.dims:
             continue
-        for each in derived(G, angles):
+        for quantity in derived(G, angles):
             dims = pose.dims[: pose.dims.index("time") + 1]
-            if each.axes:
-                axes[f"axis_{each.axes}"] = list(each.axes)
-                dims = (*dims, f"axis_{each.axes}")
-            about = {"units": each.units, "long_name": each.long_name, "frame": each.frame}
-            added[prefix + each.name] = Variable(dims, _lazily(each, pose, velocity), about)
+            if quantity.axes:
+                axes[f"axis_{quantity.axes}"] = list(quantity.axes)
+                dims = (*dims, f"axis_{quantity.axes}")
+            about = {
+                "units": quantity.units,
+                "long_name": quantity.long_name,
+                "frame": quantity.frame,
+            }
+            added[prefix + quantity.name] = Variable(dims, _lazily(quantity, pose, velocity), about)
     return dataset.assign_coords(axes).assign(added)
 
 

@@ -46,7 +46,9 @@ class Schedule:
     @cached_property
     def rare(self) -> list[Channel]:
         """Measured parts of the velocity without a new measurement at every tick."""
-        return [each for each in self.channels if each.signal == "velocity" and each.holds]
+        return [
+            channel for channel in self.channels if channel.signal == "velocity" and channel.holds
+        ]
 
     @cached_property
     def timed(self) -> list[Channel]:
@@ -323,7 +325,7 @@ class Estimator(VehiclePart):
             innovations, arrived = first["innovations"], first["arrived"]
             previous, counted = states["last_innovation"], innovations * arrived
             sums = arrived, counted * counted, counted * previous
-            new = [np.asarray(each.sum(axis=-1))[..., None] for each in sums]
+            new = [np.asarray(total.sum(axis=-1))[..., None] for total in sums]
             changed["innovations"] = states["innovations"] + np.concatenate(new, axis=-1)
             changed["last_innovation"] = where(less(0.5, arrived), innovations, previous)
             judged = slice(0, 2 * G.dimension)

@@ -619,7 +619,7 @@ class Restoring(Force):
             torque = torque + moment(part.centre_of_buoyancy, lift)
         if part.centre_of_mass is not None:
             torque = torque - moment(part.centre_of_mass, weight)
-        return stack([each[..., k] for each in (torque, force) for k in range(each.shape[-1])])
+        return stack([load[..., k] for load in (torque, force) for k in range(load.shape[-1])])
 
     @property
     def weight_alone(self) -> "Restoring":

@@ -279,7 +279,7 @@ def command_axes(G: MatrixLieGroup) -> tuple[str, ...]:
     words = ["torque" if units[k] == "N m" else "force" for k in range(G.dimension)]
     axes = [normalize("NFKC", name) for name in G.axis_names]  # digits for subscripts
     names = ([f"{a} {b[k:]}".strip() for a, b in zip(words, axes, strict=True)] for k in (1, 0))
-    return next(tuple(each) for each in names if len({*each}) == len(each))
+    return next(tuple(letters) for letters in names if len({*letters}) == len(letters))
 
 
 def moving_parts(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
@@ -495,7 +495,7 @@ class ProductGroup(MatrixLieGroup):
         for number, (factor, place, coordinates) in enumerate(self._layout(), 1):
             for part in factor.parts:
                 name, axes = f"{part.name}_{number}", _shifted(part.axes, coordinates.start)
-                rows, columns = (_shifted(each, place.start) for each in part.entries)
+                rows, columns = (_shifted(entry, place.start) for entry in part.entries)
                 parts.append(replace(part, name=name, axes=axes, entries=(rows, columns)))
         return tuple(parts)
 
@@ -587,7 +587,7 @@ class ProductGroup(MatrixLieGroup):
 def _block_diagonal(matrices: list[Any], places: list[slice]) -> Array:
     """Return a matrix with these matrices at places on its diagonal."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
-    like = next((each for each in matrices if not isinstance(each, np.ndarray)), matrices[0])
+    like = next((block for block in matrices if not isinstance(block, np.ndarray)), matrices[0])
     shape = (*batch, places[-1].stop, places[-1].stop)
     whole = np.zeros_like(like, shape=shape, dtype=np.result_type(*matrices))
     for matrix, place in zip(matrices, places, strict=True):

@@ -572,7 +572,9 @@ class FactorPoses(PoseDistribution):
 
     def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the numbers of all factors."""
-        return np.concatenate([each.draw(factor, generator) for each, factor in self._by_factor(G)])
+        return np.concatenate(
+            [states.draw(factor, generator) for states, factor in self._by_factor(G)]
+        )
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return the poses of all factors as one pose."""

@@ -275,7 +275,7 @@ class Tracking:
         """Return the motion with another desired velocity V_d and its rate V̇_d."""
         G, inertia = self.G, self.inertia
         Pd, Pd_dot = inertia.momentum(Vd), inertia.momentum(Vd_dot) + inertia.rate_force(Vd)
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         following = Following(**values | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
         return with_fields(following, V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)
 
@@ -490,7 +490,7 @@ class LawInput(NamedTuple):
         later = {**later, "specific_force": s.specific_force}
         return cls(s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional, **later)
 
-    def each(self, function: Callable[[Any], Any]) -> LawInput:
+    def mapped(self, function: Callable[[Any], Any]) -> LawInput:
         """Return the input with a function applied to every part that there is."""
         return LawInput._make(None if part is None else function(part) for part in self)
 

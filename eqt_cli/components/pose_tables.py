@@ -245,7 +245,7 @@ def pose_columns(G: MatrixLieGroup, suffix: str = "", names: Collection[str] = (
     Of the forms of a rotation, the first is taken whose columns are among some names.
     """
     if isinstance(G, ProductGroup):
-        parts = [pose_columns(each, str(k), names) for k, each in enumerate(G.factors, start=1)]
+        parts = [pose_columns(factor, str(k), names) for k, factor in enumerate(G.factors, start=1)]
         return [column for part in parts for column in part] if all(parts) else []
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return []
@@ -257,12 +257,14 @@ def pose_columns(G: MatrixLieGroup, suffix: str = "", names: Collection[str] = (
 def _rotation(G: EuclideanGroup, suffix: str, names: Collection[str]) -> tuple[str, ...]:
     """Return the columns of a rotation of the group, without suffix."""
     forms = _FORMS[G.rotations]
-    return next((form for form in forms if all(each + suffix in names for each in form)), forms[0])
+    return next(
+        (form for form in forms if all(column + suffix in names for column in form)), forms[0]
+    )
 
 
 def forms_of_pose(G: MatrixLieGroup) -> list[list[str]]:
     """Return the columns of a pose in each of its forms; none if not known."""
-    alike = [[each + k for each in form for k in ("", *"123456789")] for form in _FORMS[3]]
+    alike = [[column + k for column in form for k in ("", *"123456789")] for form in _FORMS[3]]
     forms = [pose_columns(G, names=names) for names in ((), *alike)]
     return [form for k, form in enumerate(forms) if form and form not in forms[:k]]
 
@@ -277,7 +279,9 @@ def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | Non
     coords = coordinate_names(G)
     # Entries come before coordinates, because velocities have the coordinates' names, too.
     layouts = {"parts": pose_columns(G, names=names), "entries": entries, "coordinates": coords}
-    fitting = (PoseColumns(each, k) for k, each in layouts.items() if each and {*each} <= {*names})
+    fitting = (
+        PoseColumns(layout, k) for k, layout in layouts.items() if layout and {*layout} <= {*names}
+    )
     used, others = next(fitting, None), {*entries}.union(*forms_of_pose(G)) - {*coords}
     return None if used and used.layout == "coordinates" and others & {*names} else used
 
@@ -286,7 +290,7 @@ def table_poses(
     table: Table, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
 ) -> Array:
     """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
-    if mapping.euler != LogMapping.euler and not any(each[:4] == "roll" for each in columns.names):
+    if mapping.euler != LogMapping.euler and not any(name[:4] == "roll" for name in columns.names):
         raise MappingError(
             ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
         )

@@ -80,8 +80,8 @@ class Propellers(Thrusters):
 
     def with_allocation(self, G: MatrixLieGroup) -> Self:
         """Return propellers with the limits of their thrusts."""
-        each = of_each(self, ("low", "high", *SPEEDS, *CURVE), self.count)
-        part = with_fields(self, **each)
+        options = of_each(self, ("low", "high", *SPEEDS, *CURVE), self.count)
+        part = with_fields(self, **options)
         if part.low_speed is not None:
             ends = {"low": part.pushed(part.low_speed), "high": part.pushed(part.high_speed)}
             part = with_fields(part, **ends, **dict.fromkeys(SPEEDS))

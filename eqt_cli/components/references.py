@@ -434,8 +434,10 @@ class PathReference(ClosedReference):
         links, numbers, rates = self.prepared(G, self._constants)
         Q: Any = links[0]
         screws = screws_of(G)
-        for each, of_each, rate, link in zip(self.factors, numbers, rates, links[1:], strict=True):
-            angle: Any = stack([series(each.expression, {"t": t}, order)])
+        for factor, of_each, rate, link in zip(
+            self.factors, numbers, rates, links[1:], strict=True
+        ):
+            angle: Any = stack([series(factor.expression, {"t": t}, order)])
             E: Any = Jet([screws.exp_along(of_each, angle.value * rate)])
             axis = G.hat(screws.along(of_each, rate))
             while E.order < order:

@@ -448,7 +448,7 @@ class Thrusters(Solving, Running):
             ratios = ratios * np.array(k_m) / np.array(k)
         thrusters = drawn(self.thrusters or [], None)
         places = zip(thrusters, ratios.tolist(), strict=True)
-        return np.stack([each.wrench(G, ratio) for each, ratio in places], axis=-1)
+        return np.stack([place.wrench(G, ratio) for place, ratio in places], axis=-1)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the thrusters of a run, with the allocation of those of the means.
@@ -512,7 +512,7 @@ class Thrusters(Solving, Running):
         if self.wanted is None:
             return B, command_axes(G)
         axes = [np.flatnonzero(row) for row in np.array(self.wanted)]
-        names = [command_axes(G)[each[0]] if len(each) == 1 else "force" for each in axes]
+        names = [command_axes(G)[axis[0]] if len(axis) == 1 else "force" for axis in axes]
         return product(np.array(self.wanted), B), tuple(names)
 
     def _allocated(self, rows: Array, scale: Array) -> tuple[Array, Array | None]:
@@ -567,7 +567,7 @@ class Thrusters(Solving, Running):
         """Return the thrusters with the shares, and the allocation, at a time."""
         if not self.over_time:
             return self
-        sag, failed = (stack([each.evaluate({"t": s.t})]) for each in self.over_time)
+        sag, failed = (stack([expression.evaluate({"t": s.t})]) for expression in self.over_time)
         share, inverse = sag * (1.0 + failed * self.lost), self.inverse
         if self.told:
             inverse = (inverse + failed[..., None] * self.turned) / sag[..., None]
@@ -792,7 +792,7 @@ class Thrusters(Solving, Running):
 
     def _check_changes(self, problems: Problems) -> None:
         """Note unknown spins, thrusters and shares, and a `told` that no allocation uses."""
-        spins = self.runs and self.thrusters and all(each.turns for each in self.thrusters)
+        spins = self.runs and self.thrusters and all(thruster.turns for thruster in self.thrusters)
         if self.rotor_inertia is not None and not spins:
             problems.at("rotor_inertia").add(
                 "needs thrusters with places and turns, thrust_constant and time_constant"
@@ -900,16 +900,16 @@ class Thrusters(Solving, Running):
             return
         if not self.thrusters:
             problems.add("expected one thruster or more, got none")
-        for index, each in enumerate(self.thrusters or ()):
+        for index, thruster in enumerate(self.thrusters or ()):
             here = problems.at(index)
-            for option, value in (("at", each.at), ("along", each.along)):
+            for option, value in (("at", thruster.at), ("along", thruster.along)):
                 if len(value) != G.space:
                     here.at(option).add(
                         f"expected {G.space} numbers for {G.name}, got {len(value)}"
                     )
-            if not any(each.along):
+            if not any(thruster.along):
                 here.at("along").add("expected a direction, got a vector of zeros")
-            if each.turns and G.space != G.rotations:
+            if thruster.turns and G.space != G.rotations:
                 here.at("turns").add(
                     f"a torque about along has no part in the plane of {G.name}; remove this key"
                 )

@@ -349,7 +349,9 @@ class Vehicle:
         """Number of actuators that act at ticks only: before the first that `moves`, `changes`."""
         if self.control is None:
             return 0
-        moving = (k for k, each in enumerate(self.actuators) if each.moves or each.changes)
+        moving = (
+            k for k, actuator in enumerate(self.actuators) if actuator.moves or actuator.changes
+        )
         return next(moving, len(self.actuators))
 
     @property

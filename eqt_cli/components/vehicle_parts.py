@@ -482,7 +482,7 @@ def periods_in(time: float, period: float, least: int = 0, name: str = "periods"
         )
     if abs(count - round(count)) > ROUNDING * max(count, 1.0):
         near = [math.floor(count), math.ceil(count)]
-        times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
+        times = " or ".join(f"{1e3 * count * period:g} ms" for count in near)
         raise ValueError(
             f"expected a whole number of {name} of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
             f"write {times}"

@@ -185,7 +185,7 @@ class Experiment:
                 "lacks the weight that model.forces has, so that laws hold the body against "
                 "nothing; repeat it here",
             )
-        listed, loops = {each.name for each in self.metrics}, self.loops.values()
+        listed, loops = {metric.name for metric in self.metrics}, self.loops.values()
         plugin_metrics = metrics.defined_by(self.plugins.values())
         if self.document.data.get("metrics") is None:
             for name in plugin_metrics:
@@ -469,8 +469,8 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     if vehicle.more_sensors[1] and not navigates(vehicle):
         # Other laws do not pay for an accelerometer.
         bare = vehicle.more_sensors[0], (), ()
-        parts = {id(each): each.configured or each for each in vehicles.values()}
-        unfelt = {k: replace(each, more_sensors=bare).of_run(G) for k, each in parts.items()}
+        parts = {id(plant): plant.configured or plant for plant in vehicles.values()}
+        unfelt = {k: replace(plant, more_sensors=bare).of_run(G) for k, plant in parts.items()}
         vehicles = {k: v if k in felt else unfelt[id(v)] for k, v in vehicles.items()}
         if not felt:
             problems.at("sensors", "accelerometer").add(

@@ -229,7 +229,7 @@ def located(
 
 def _culprit(error: BaseException, parts: Sequence[LoopPart]) -> LoopPart:
     """Return the part of the innermost line that is in the file of one that is the user's own."""
-    by_module = {type(each.part).__module__: each for each in reversed(parts) if each.is_foreign}
+    by_module = {type(part.part).__module__: part for part in reversed(parts) if part.is_foreign}
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
     return next((by_module[module] for module in modules if module in by_module), parts[0])
@@ -379,7 +379,10 @@ def try_laws(experiment: Experiment, problems: Problems) -> None:
     needed += [inner for e in loops.values() if (inner := getattr(e.controller, "inner", None))]
     if not any(is_foreign(type(part).__module__) for part in [*needed, poses, velocities]):
         return
-    start = [LoopPart(each, ("initial",), "the initial states") for each in (poses, velocities)]
+    start = [
+        LoopPart(distribution, ("initial",), "the initial states")
+        for distribution in (poses, velocities)
+    ]
     first, seed = next(iter(loops.values())), experiment.config.ensemble.seed
     with trial([*start, *parts_of(first)], problems):
         drawn, error = experiment.start.numbers(first.group, seed, run=0)
@@ -416,11 +419,13 @@ def try_metrics(experiment: Experiment, problems: Problems) -> None:
         part = LoopPart(metric, ("metrics", index), f"metric {metric.name}")
         for wrong in filter(None, (metric.unknown(loops), *metric.wrong(loops))):
             problems.at(*part.path).add(wrong)
-        for loop in (each for each in loops if not (problems or metric.lacking(each))):
+        for loop in (
+            closed_loop for closed_loop in loops if not (problems or metric.lacking(closed_loop))
+        ):
             states = np.tile(loop.initial_state(*start, *start), (RUNS_TRIED, len(times), 1))
             with trial([part], problems) as tried:
                 signals = metric.signals_at(loop, states, times)
                 tried.counts = {"runs": RUNS_TRIED}
                 tried.fits(metric.of(SampledRuns(times), *signals), metric.of, exact=True)
-                if mixes_runs(metric.of, times, [each.shape[2:] for each in signals]):
+                if mixes_runs(metric.of, times, [signal.shape[2:] for signal in signals]):
                     tried.is_wrong(metric.of, "numbers of a run that depend on other runs")

@@ -330,7 +330,7 @@ def _most_work(tried: _Tried) -> tuple[Work, str, Array]:
             if np.isfinite(matrices).all():
                 rates = np.linalg.eigvals(matrices)
                 work = chosen.work_for_stability(rates, experiment.config.time.duration)
-                worst = max(worst, (work, label, rates), key=lambda each: each[0])
+                worst = max(worst, (work, label, rates), key=lambda candidate: candidate[0])
     return worst
 
 
@@ -421,7 +421,7 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
         size = size_of(largest, linear)
         per = "a period" if linear.period == linear.cycle else f"in {linear.cycle:g} s"
         many = "" if linear.period is None else f" (eigenvalue {size:.4g} {per})"
-        omitted = ", ".join(each.words for each in left_out(loop))
+        omitted = ", ".join(omission.words for omission in left_out(loop))
         yield (
             f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
             + (f", leaving out {omitted}" if omitted else "")

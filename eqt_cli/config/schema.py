@@ -1093,4 +1093,4 @@ def marks_of(key: str) -> list[Any]:
 
 def not_swept(key: str) -> str:
     """Return why no sweep can change a key; empty where one can."""
-    return next((each.why for each in marks_of(key) if isinstance(each, NotSwept)), "")
+    return next((mark.why for mark in marks_of(key) if isinstance(mark, NotSwept)), "")

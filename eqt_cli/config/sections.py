@@ -638,7 +638,7 @@ def vehicle_from(
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, clock is None, at_actuators)
     _check_until(horizon, acting, at_actuators)
-    pulsed = any(getattr(each, "jets", None) for each in acting) and clock is not None
+    pulsed = any(getattr(part, "jets", None) for part in acting) and clock is not None
     if pulsed and config.time.samples <= (ticks := round(horizon / vehicle.tick)):
         means = f"means over pulses need a sample at each tick; give {ticks + 1} or more"
         problems.at("time", "samples").add(means)

@@ -58,7 +58,7 @@ def _parts(data: Any, kind: str, *, by_key: bool) -> Iterator[Any]:
     if data == kind:
         yield data
     elif isinstance(data, list):
-        yield from ([part] for each in data for part in _parts(each, kind, by_key=by_key))
+        yield from ([part] for item in data for part in _parts(item, kind, by_key=by_key))
     elif isinstance(data, dict) and (data.get("kind") == kind or (by_key and kind in data)):
         yield data
     elif isinstance(data, dict):

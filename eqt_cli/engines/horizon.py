@@ -90,7 +90,7 @@ def reference_over_horizon(
     system, stop = ReferenceSystem.of(loop), float(times[-1])
     instants, *sides = together(system.instants(stop), times)
     inner = (instants > 0) & (instants < stop)
-    instants, *sides = (each[inner] for each in (instants, *sides))
+    instants, *sides = (times[inner] for times in (instants, *sides))
     times = distinct([*times, *instants])
     state = system.initial_state(*start, *start)
     states = np.broadcast_to(state, (len(times), len(state)))
@@ -110,7 +110,7 @@ def reference_over_horizon(
         if len(instants):
             there = states[np.searchsorted(times, instants)]
             before, after = (
-                np.nextafter(*each) for each in zip(sides, (-np.inf, np.inf), strict=True)
+                np.nextafter(*pair) for pair in zip(sides, (-np.inf, np.inf), strict=True)
             )
             left, right = (
                 system.tracking(side[: len(instants)], there) for side in (before, after)
@@ -179,10 +179,10 @@ def missed(expression: Expression, until: float, rtol: float) -> str:
         return ""
     ends, *sides = together(instants, np.array([0.0, until]))
     inner = (ends > 0) & (ends < until)
-    before, after = (np.nextafter(*each) for each in zip(sides, (-np.inf, np.inf), strict=True))
+    before, after = (np.nextafter(*pair) for pair in zip(sides, (-np.inf, np.inf), strict=True))
     starts, stops = np.append(0.0, after[inner]), np.append(before[inner], until)
     counts = np.maximum(1, np.ceil((stops - starts) * STEPS / until)).astype(int)
-    parts = [np.linspace(*each) for each in zip(starts, stops, counts + 1, strict=True)]
+    parts = [np.linspace(*span) for span in zip(starts, stops, counts + 1, strict=True)]
     low, high = (np.concatenate([part[side] for part in parts]) for side in (np.s_[:-1], np.s_[1:]))
     weights, added, (least, most, size) = coefficients(), 0.0, bounds
     with np.errstate(all="ignore"):

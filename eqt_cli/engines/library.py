@@ -124,7 +124,7 @@ def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) ->
         The lengths of the stretches into which its inputs are cut, in their order.
     """
     # The names of arrays are not always names in C.
-    outputs = [each._replace(name=f"array{k}") for k, each in enumerate(program.outputs)]
+    outputs = [array._replace(name=f"array{k}") for k, array in enumerate(program.outputs)]
     named = replace(program, outputs=tuple(outputs))
     lengths = [len(output.entries) for output in program.outputs]
     starts = [0, *accumulate(length for _, length in program.inputs)]
@@ -166,7 +166,7 @@ def with_comparison_sides(program: Program) -> tuple[Program, int]:
                 value = Operation("less", (len(values) - 1, zero))
         places.append(len(values))
         values.append(value)
-    outputs = [each.moved(places) for each in program.outputs]
+    outputs = [output.moved(places) for output in program.outputs]
     for side, name in enumerate(("left", "right")):
         outputs.append(Output(name, (len(compared),), tuple(pair[side] for pair in compared)))
     inputs = (*program.inputs, ("sides", len(compared)))
@@ -199,32 +199,35 @@ THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING, STOPPED = range(6)
 """Outcomes of a run, as in advance.h."""
 
 
-def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
+def _typed(kind: Any, names: str) -> list[tuple[str, Any]]:
     return [(name, kind) for name in names.split()]
 
 
 class _Source(ctypes.Structure):
-    _fields_ = [("from", ctypes.c_void_p), *_each(ctypes.c_int64, "to_next_run to_next_sample")]
+    _fields_ = [("from", ctypes.c_void_p), *_typed(ctypes.c_int64, "to_next_run to_next_sample")]
 
 
 class _Evaluations(ctypes.Structure):
     _fields_ = [
-        *_each(ctypes.c_int64, "runs samples count"),
+        *_typed(ctypes.c_int64, "runs samples count"),
         ("sources", ctypes.POINTER(_Source)),
         ("found", ctypes.POINTER(ctypes.c_void_p)),
     ]
 
 
 class _Measuring(ctypes.Structure):
-    _fields_ = [("sources", ctypes.POINTER(_Source)), *_each(ctypes.c_void_p, "starts memory kept")]
+    _fields_ = [
+        ("sources", ctypes.POINTER(_Source)),
+        *_typed(ctypes.c_void_p, "starts memory kept"),
+    ]
 
 
 class _Span(ctypes.Structure):
     _fields_ = [
-        *_each(ctypes.c_int64, "runs later most_steps to_next_run row to_next_held"),
-        *_each(ctypes.c_double, "start stop first_inside last_inside rtol atol longest"),
-        *_each(ctypes.c_void_p, "grid held parameters states samples steps"),
-        *_each(ctypes.c_void_p, "counts ends times stopped periods"),
+        *_typed(ctypes.c_int64, "runs later most_steps to_next_run row to_next_held"),
+        *_typed(ctypes.c_double, "start stop first_inside last_inside rtol atol longest"),
+        *_typed(ctypes.c_void_p, "grid held parameters states samples steps"),
+        *_typed(ctypes.c_void_p, "counts ends times stopped periods"),
         ("measuring", ctypes.POINTER(_Measuring)),
     ]
 
@@ -323,7 +326,7 @@ def _evaluations(
     program: Program, runs: int, samples: int, inputs: Sequence[Rows]
 ) -> tuple[_Evaluations, dict[str, Array]]:
     """Return what calls a program, and the arrays that it will fill in."""
-    outputs = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+    outputs = {output.name: np.empty((runs, samples, *output.shape)) for output in program.outputs}
     places = (ctypes.c_void_p * len(outputs))(*(x.ctypes.data for x in outputs.values()))
     return _Evaluations(runs, samples, len(inputs), _sources(inputs), places), outputs
 
@@ -350,8 +353,8 @@ def evaluated(
 
 
 WALKED = np.dtype(
-    _each(float, "start stop first_inside last_inside longest")
-    + _each(np.int64, "first later sampled_start tick acts")
+    _typed(float, "start stop first_inside last_inside longest")
+    + _typed(np.int64, "first later sampled_start tick acts")
 )
 """A span as in walk.h."""
 
@@ -369,14 +372,14 @@ class _Instant(ctypes.Structure):
 class _Walks(ctypes.Structure):
     _fields_ = [
         ("span", _Span),
-        *_each(ctypes.c_int64, "place stop suspicious lost"),
-        *_each(ctypes.c_void_p, "list times held samples commanded before counted"),
+        *_typed(ctypes.c_int64, "place stop suspicious lost"),
+        *_typed(ctypes.c_void_p, "list times held samples commanded before counted"),
         ("programs", _Instant * 2),
         ("parts", ctypes.c_int64),
         ("code", ctypes.c_void_p),
-        *_each(ctypes.c_int64, "begins memory_at memory_length"),
+        *_typed(ctypes.c_int64, "begins memory_at memory_length"),
         ("period", ctypes.c_double),
-        *_each(ctypes.c_void_p, "measured options law_inputs memory torques"),
+        *_typed(ctypes.c_void_p, "measured options law_inputs memory torques"),
     ]
 
 

@@ -174,7 +174,7 @@ class InstantPrograms:
         chain = Chain(self.input.inputs)
         inputs = {group: chain.places_of(group) for group, _ in self.input.inputs}
         law_input = chain.then(self.input, inputs)
-        places = {INPUT + each.name: law_input[each.source] for each in self.law.inputs}
+        places = {INPUT + entry.name: law_input[entry.source] for entry in self.law.inputs}
         for entry in self.law.numbers[:-1]:
             places[NUMBER + entry.name] = chain.places_of(*_stretch(loop, entry.source))
         places[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)

@@ -66,7 +66,9 @@ def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) 
 
 def scale_norm(axes: Axes, *, log: bool) -> None:
     """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
-    lines = [line for each in axes.get_shared_y_axes().get_siblings(axes) for line in each.lines]
+    lines = [
+        line for sibling in axes.get_shared_y_axes().get_siblings(axes) for line in sibling.lines
+    ]
     drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in lines)])
     seen = drawn[np.isfinite(drawn) & (drawn > 0)]
     if log and seen.size:

@@ -63,7 +63,7 @@ def in_words(words: str, unit: str) -> str:
 def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
     """Return a symbol with its unit; with mixed units of parts, ``‖τ‖ (N m and N)``."""
     several = part_units(result, name) if unit == "mixed" else []
-    units = " and ".join(f"${_upright(each)}$" for each in several)
+    units = " and ".join(f"${_upright(symbol)}$" for symbol in several)
     return f"{quantity(symbol, '')} ({units})" if several else quantity(symbol, unit)
 
 
@@ -153,13 +153,13 @@ def axis_labels(G: MatrixLieGroup) -> list[str]:
         here = [axes[k] for axes in names if k < len(axes)]
         directions = {axis[1:] for axis in here}
         shown = directions if len(directions) == 1 and "" not in directions else here
-        labels.append(", ".join(f"${component('', each).lstrip('_')}$" for each in shown))
+        labels.append(", ".join(f"${component('', axis).lstrip('_')}$" for axis in shown))
     return labels
 
 
 def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, str]:
     """Return the symbols of pose, velocity and force in a part, with an index if given."""
-    vectors = [each for each in G.parts if not each.turns]
+    vectors = [pose_part for pose_part in G.parts if not pose_part.turns]
     if len(G.parts) == 1 or not (part.turns or part.pose_unit.startswith("m")):
         pose, velocity, force = ("p" if part.pose_unit == "m" else "Q"), "V", r"\tau"
     elif part.turns:

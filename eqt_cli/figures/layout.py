@@ -282,7 +282,7 @@ def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     if remarks:
         readable = 1.0 if "$" in "".join(remarks) else _SMALL  # with indices, too
         size, room = readable * size_of_type("font.size"), _PROSE * figure.get_figwidth()
-        text = "\n".join(free_text(each, _characters(room, size, each)) for each in remarks)
+        text = "\n".join(free_text(remark, _characters(room, size, remark)) for remark in remarks)
         figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
         height = _REMARK_HEIGHT * size / 72 * (text.count("\n") + 1)
         figure.set_figheight(figure.get_figheight() + height)
@@ -431,7 +431,7 @@ def diverging(curves: Mapping[str, Array]) -> list[str]:
     """Return the names of the curves ``(samples,)`` that end far above all values of the others."""
     peaks = {name: float(np.nanmax(curve)) for name, curve in curves.items()}
     others, far = -np.inf, list[str]()
-    for name in sorted(peaks, key=lambda each: peaks[each]):
+    for name in sorted(peaks, key=lambda label: peaks[label]):
         if np.isfinite(others) and curves[name][-1] > FAR * others > 0:
             far.append(name)
         else:
@@ -441,7 +441,7 @@ def diverging(curves: Mapping[str, Array]) -> list[str]:
 
 def leaving(shown: ShownControllers, errors: Iterable[Mapping[str, Array]]) -> set[str]:
     """Return the labels of laws of which an error diverges, and say that they are cut off."""
-    far = {label for each in errors for label in diverging(each)}
+    far = {label for error in errors for label in diverging(error)}
     if len(far) == len(shown.shown):  # of each, another number; so none leaves what others do
         return set()
     if far:
@@ -484,7 +484,7 @@ def bound_below(axes: Axes, curves: Sequence[Array], error: float) -> None:
         floor = min(max(min(usual) / FAR, error), max(float(curve.max()) for curve in curves) / FAR)
         if floor > axes.get_ylim()[0]:
             shared = axes.get_shared_y_axes().get_siblings(axes)
-            top = max(float(each.dataLim.ymax) for each in shared if each.has_data())
+            top = max(float(panel.dataLim.ymax) for panel in shared if panel.has_data())
             axes.set_ylim(floor, top * (top / floor) ** _MARGIN)
 
 

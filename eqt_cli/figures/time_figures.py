@@ -428,7 +428,7 @@ class Commands(Panelled, OverTime):
         members = list(axes)
         if signal == "torque" and not self.panels:
             every = [self._values(runs, e) for e in runs.shown]
-            members = runs.pushed(members, [each for both in every for each in both])
+            members = runs.pushed(members, [values for both in every for values in both])
         if signal == LAW_OUTPUT:
             held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
             members = [name for name, is_held in zip(axes, held, strict=True) if is_held]
@@ -456,7 +456,7 @@ class Commands(Panelled, OverTime):
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
         self._add_legend(drawing, runs, kinds)
-        runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
+        runs.remarks += [kind for kind in sorted(kinds) if kind.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
@@ -545,7 +545,7 @@ class Commands(Panelled, OverTime):
         times, signal = runs.times(ensemble), self._signal
         inside = (times >= span[0]) & (times <= span[1])
         times = times[inside]
-        output, command = (each[inside, k] for each in self._values(runs, ensemble))
+        output, command = (value[inside, k] for value in self._values(runs, ensemble))
         if ends is not None:
             low, high = float(ends[0][k]), float(ends[1][k])
             beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
@@ -602,7 +602,7 @@ def _draw(axes: Axes, times: Array, values: Array, **look: Any) -> bool:
     if fast := _turns(values) > _MOST_TURNS:
         starts, low, high = _ranges(values)
         counts = np.diff(np.append(starts, len(times)))
-        times, values = (np.add.reduceat(each, starts) / counts for each in (times, values))
+        times, values = (np.add.reduceat(column, starts) / counts for column in (times, values))
         axes.fill_between(times, low, high, label=f"{look['label']}, range", **_range(look))
     axes.plot(times, values, **look)
     return fast

@@ -142,7 +142,10 @@ def law_program(
         lengths = outputs(law, G).items()
         more = {name: length for name, length in lengths if name not in law.memory(G)}
         further = _numbers_of_law(law, more)
-    units, known = {each.source: each.unit for each in entries}, MISSING if adapter else INPUT
+    units, known = (
+        {argument.source: argument.unit for argument in entries},
+        MISSING if adapter else INPUT,
+    )
     reads = tuple(adapter.entries(G, units)) if adapter else entries
     groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
 
@@ -155,12 +158,14 @@ def law_program(
 
         law_input = LawInput(**{entry.source: one(known, entry) for entry in entries})
         if adapter:
-            law_input = adapter.read(G, law_input, {each.name: one(INPUT, each) for each in reads})
+            law_input = adapter.read(
+                G, law_input, {entry.name: one(INPUT, entry) for entry in reads}
+            )
         # Constant entries of a pose need not be read.
         Q, Qd = (G.unpack(G.pack(pose)) for pose in (law_input.pose, law_input.desired_pose))
         law_input = law_input._replace(t=law_input.t[0, 0], pose=Q, desired_pose=Qd)
         symbolic = with_leaves(loop, {entry.source: one(NUMBER, entry) for entry in numbers[:-1]})
-        return symbolic, law_input, {each.source: one(MEMORY, each) for each in memory}
+        return symbolic, law_input, {entry.source: one(MEMORY, entry) for entry in memory}
 
     def step(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
@@ -181,11 +186,11 @@ def law_program(
         symbolic, law_input, state = symbols(inputs)
         s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
         values = stored_numbers(symbolic.controller, s)
-        return {OUTPUT + each.name: np.ravel(values[each.source]) for each in further}
+        return {OUTPUT + entry.name: np.ravel(values[entry.source]) for entry in further}
 
     programs = [traced(step, groups, expressed), *([traced(start, groups)] if memory else [])]
     programs += [traced(output, groups)] if further else []
-    read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
+    read = {value.group for law in programs for value in law.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
     spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}
     unused = (spare | {NUMBER + entry.name for entry in numbers[:-1]}) - read
@@ -204,7 +209,7 @@ def law_program(
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
     """Return the lengths of the groups of inputs of a program, by the prefixes of their names."""
-    return {prefix + one.name: one.size for prefix, each in entries.items() for one in each}
+    return {prefix + one.name: one.size for prefix, entry in entries.items() for one in entry}
 
 
 def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:

@@ -236,7 +236,7 @@ class Linearised:
             if np.abs(matrix[:, :inner, inner:]).max(initial=0) <= SAME * np.abs(matrix).max():
                 matrix[:, inner:, :inner] = 0.0  # what a stable inner loop drives, it stops driving
             if _same(matrix):
-                one = [each[:1] for each in (matrix - B @ C, B, C)]
+                one = [array[:1] for array in (matrix - B @ C, B, C)]
                 return dataclasses.replace(self, phases=(Phase(*one),), is_constant=True)
         return None
 
@@ -410,7 +410,7 @@ class _About:
     @cached_property
     def instants(self) -> int:
         """The number of ticks of a cycle."""
-        every = (each.every for each in self.loop.vehicle.holding(self.loop.group))
+        every = (sensor.every for sensor in self.loop.vehicle.holding(self.loop.group))
         return math.lcm(*every, len(self._counts))
 
     @cached_property
@@ -423,7 +423,9 @@ class _About:
         of_law: Sequence[Mapping[str, float]] = [{}]
         if isinstance(formula, CountsInstants):
             of_law = formula.cycle(vehicle.control.period)
-        ticks = math.lcm(law.every * len(of_law), *(each.every for each in vehicle.clocks.values()))
+        ticks = math.lcm(
+            law.every * len(of_law), *(clock.every for clock in vehicle.clocks.values())
+        )
         rows = []
         for tick in range(ticks):
             instant = of_law[(tick - law.offset) // law.every % len(of_law)].items()
@@ -619,7 +621,7 @@ class _About:
     @cached_property
     def _answers(self) -> list[_Derivative]:
         """x after the answer at each tick of the cycle of law and clocks."""
-        kinds = [tuple(each.items()) for each in self._counts]
+        kinds = [tuple(count.items()) for count in self._counts]
         answers = {kind: partial(self._change_and_command, counts=kind) for kind in kinds}
         derivatives = {kind: self._derivative(answer) for kind, answer in answers.items()}
         return [derivatives[kind] for kind in kinds]
@@ -634,7 +636,7 @@ class _About:
         measured = []
         for tick in range(self.instants):
             # Ticks at which the same channels measure are alike, unless an estimator differs.
-            kind = tick if self.bases else tuple(each.clock.is_due(tick) for each in holding)
+            kind = tick if self.bases else tuple(sensor.clock.is_due(tick) for sensor in holding)
             if kind not in derivatives:
                 after = partial(self._after_measuring, instant=tick)
                 derivatives[kind] = self._derivative(after, with_command=False)
@@ -743,7 +745,7 @@ class _Begun:
         numbers = [leaf.tobytes() for part in parts for leaf in leaves(part).values()]
         states = [about.times, about.poses, *_measured_by(loop, about.states).values()]
         known = loop.group, repr(loop.reference), about.instants, *map(structure, parts)
-        return cls((*known, *numbers, *(each.tobytes() for each in states)), about)
+        return cls((*known, *numbers, *(state.tobytes() for state in states)), about)
 
 
 @lru_cache(maxsize=1)
@@ -842,7 +844,7 @@ def growth(loop: Linearised) -> Growth:
     """Return the growth of the errors of a loop at the worst time."""
     at_times = [_grown(loop, place) for place in range(len(loop.closed))]
     place = max(range(len(at_times)), key=lambda k: at_times[k].rate)
-    stable = {each.is_stable for each in at_times}
+    stable = {state.is_stable for state in at_times}
     is_stable = False if False in stable else None if None in stable else True
     return at_times[place]._replace(at=float(loop.about.times[place]), is_stable=is_stable)
 

@@ -554,7 +554,7 @@ class Metric(Component):
 
     def unknown(self, loops: Collection[ClosedLoop]) -> str:
         """Return what it reads that no loop has, in words; "" if there is nothing."""
-        known = sorted({name for each in loops for name in (*existing(each), *outputs_of(each))})
+        known = sorted({name for loop in loops for name in (*existing(loop), *outputs_of(loop))})
         for name in self.signals:
             if name not in known:
                 hint = suggestion(name, known) or f"; there are: {', '.join(known)}"

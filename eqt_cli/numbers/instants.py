@@ -69,7 +69,7 @@ def instants(expression: Expression, until: float) -> tuple[float, ...]:
 
 def instants_of(expressions: Iterable[Expression], until: float) -> Array:
     """Return the sorted times at which expressions change their piece, and of short pulses."""
-    return np.array(sorted({t for each in expressions for t in instants(each, until)}))
+    return np.array(sorted({t for expression in expressions for t in instants(expression, until)}))
 
 
 # Changes of piece ---------------------------------------------------------------------------------

@@ -153,7 +153,7 @@ class Jet:
         return Jet([_sum(a, b) for a, b in self._with(other)])
 
     def __neg__(self) -> Jet:
-        return self._each(lambda c: -c)
+        return self._mapped(lambda c: -c)
 
     def __sub__(self, other: Any) -> Jet:
         return Jet([_difference(a, b) for a, b in self._with(other)])
@@ -225,22 +225,22 @@ class Jet:
     @property
     def T(self) -> Jet:
         """The series of the transpose."""
-        return self._each(lambda c: c.T)
+        return self._mapped(lambda c: c.T)
 
     def __getitem__(self, index: Any) -> Jet:
-        return self._each(lambda c: c[index])
+        return self._mapped(lambda c: c[index])
 
     def sum(self, axis: Any = None) -> Jet:
         """Return the series of the sum over axes."""
-        return self._each(lambda c: c.sum(axis=axis))
+        return self._mapped(lambda c: c.sum(axis=axis))
 
     def reshape(self, *shape: Any) -> Jet:
         """Return the series of the array in another shape."""
-        return self._each(lambda c: c.reshape(*shape))
+        return self._mapped(lambda c: c.reshape(*shape))
 
     def swapaxes(self, one: int, other: int) -> Jet:
         """Return the series with two axes exchanged."""
-        return self._each(lambda c: c.swapaxes(one, other))
+        return self._mapped(lambda c: c.swapaxes(one, other))
 
     def __array_function__(self, *_: Any) -> Any:
         return NotImplemented  # NumPy's own error names the function
@@ -286,7 +286,7 @@ class Jet:
 
     # Coefficients.
 
-    def _each(self, function: Any) -> Jet:
+    def _mapped(self, function: Any) -> Jet:
         return Jet([None if c is None else function(c) for c in self.coefficients])
 
     def _with(self, other: Any) -> list[tuple[Any, ...]]:

@@ -446,7 +446,7 @@ def _value(symbol: Symbol, places: Mapping[Symbol, int]) -> Value:
     """Return a constant or an operation of a program from its symbol."""
     if symbol.number is not None:
         return Constant(symbol.number)
-    return Operation(symbol.name, tuple(places[each] for each in symbol.operands), symbol.of)
+    return Operation(symbol.name, tuple(places[operand] for operand in symbol.operands), symbol.of)
 
 
 def _needed(roots: list[Symbol], begin: int = 0) -> list[Symbol]:
@@ -497,7 +497,11 @@ def _repeated(
     inside, needed, keys = set[Symbol](), dict[Symbol, None](), list(trace)
     for symbol in _needed(roots, begin):
         inner = symbol.name == "input" and keys[symbol.index][3:] == (begin,)
-        if inner or symbol.name in COMPARISONS or any(each in inside for each in symbol.operands):
+        if (
+            inner
+            or symbol.name in COMPARISONS
+            or any(operand in inside for operand in symbol.operands)
+        ):
             inside.add(symbol)
             needed |= dict.fromkeys((*symbol.operands, symbol))
     needed |= dict.fromkeys(roots)
@@ -520,7 +524,7 @@ def _repeated(
     results = [
         [trace.operation("result", loop, of=end + k) for k in range(len(roots))] for end in ends
     ]
-    return [_shaped(np.array(each, dtype=object), named) for each in results]
+    return [_shaped(np.array(result, dtype=object), named) for result in results]
 
 
 def _flat(arrays: Arrays) -> list[Any]:
@@ -569,7 +573,9 @@ class Chain:
                 places.append(self._place(value.moved(places)))
             else:
                 places.append(self._place(value))
-        return {each.name: [places[entry] for entry in each.entries] for each in program.outputs}
+        return {
+            output.name: [places[entry] for entry in output.entries] for output in program.outputs
+        }
 
     def program(self, outputs: Mapping[str, Sequence[int]]) -> Program:
         """Return the program whose outputs are vectors of these places."""
@@ -628,7 +634,7 @@ def fused(program: Program) -> Program:
         elif isinstance(value, Operation):
             value = value.moved(places)
         places[place] = add(value)
-    outputs = tuple(each.moved(places) for each in program.outputs)
+    outputs = tuple(output.moved(places) for output in program.outputs)
     return Program(program.inputs, tuple(values), outputs)
 
 
@@ -744,7 +750,7 @@ def distinct(
 
     They differ not only in case, so that files can have them on every system.
     """
-    names, used = [], {each.lower() for each in taken}
+    names, used = [], {identifier.lower() for identifier in taken}
     for text in texts:
         name, number = c_name(text), 1
         while used & (spellings := {f"{name}{ending}".lower() for ending in endings}):
@@ -781,14 +787,15 @@ def c_function(program: Program, name: str, static: bool = False) -> str:
     ValueError
         If a name is not an identifier of C.
     """
-    for each in (name, *dict(program.inputs), *(output.name for output in program.outputs)):
-        if not _is_name(each):
-            raise ValueError(f"{each!r} is not an identifier of C")
+    for identifier in (name, *dict(program.inputs), *(output.name for output in program.outputs)):
+        if not _is_name(identifier):
+            raise ValueError(f"{identifier!r} is not an identifier of C")
     bodies = {body: f"{name}_{k}" for k, body in enumerate(_bodies(program), start=1)}
     functions = [("EQT_APART static ", body, called) for body, called in bodies.items()]
     functions.append(("static " if static else "", program, name))
     return "".join(
-        kind + _Text(each, bodies, static).function(called) for kind, each, called in functions
+        kind + _Text(program, bodies, static).function(called)
+        for kind, program, called in functions
     )
 
 
@@ -811,7 +818,7 @@ class _Text:
     def __init__(self, program: Program, bodies: Mapping[Program, str], moves: bool) -> None:
         self._program, self._values, self._bodies = program, program.values, bodies
         operations = [value for value in self._values if isinstance(value, Operation)]
-        self._used = Counter(place for each in operations for place in each.operands)
+        self._used = Counter(place for operation in operations for place in operation.operands)
         self._used.update(place for output in program.outputs for place in output.entries)
         self._moves = moves or any(value.name == "loop" for value in operations)
 
@@ -880,7 +887,7 @@ class _Text:
                 entries = places[first : first + period * count]
                 lines += self._moved(f"{letter}{place}", first, entries, period)
         table = value.operands[carried:behind]
-        listed = [self._form(each) for each in table]
+        listed = [self._form(entry) for entry in table]
         self._release(table, depth=0)
         begin = 0
         while begin < rows:
@@ -948,7 +955,7 @@ class _Text:
                 # The shortest period of those that reach as far.
                 counts = [(k * self._steps(forms, first, k), -k) for k in range(1, MOST_PERIOD + 1)]
                 reach, period = max(
-                    (each for each in counts if each[0] > -each[1]), default=(1, -1)
+                    (stretch for stretch in counts if stretch[0] > -stretch[1]), default=(1, -1)
                 )
                 period, rows = -period, reach // -period
             if period * rows >= LEAST_MOVED and rows > 2:

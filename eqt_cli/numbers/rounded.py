@@ -78,7 +78,7 @@ def rounded(function: Callable[..., Array], *arrays: Array) -> Array:
     def of_symbols(inputs: dict[str, Array]) -> Arrays:
         # With a batch axis of one: without any, a symbol is no array.
         pairs = zip(inputs.values(), arrays, strict=True)
-        return {"result": function(*(each.reshape(1, *array.shape) for each, array in pairs))[0]}
+        return {"result": function(*(pair.reshape(1, *array.shape) for pair, array in pairs))[0]}
 
     numbers = {str(k): array.ravel() for k, array in enumerate(arrays)}
     program = traced(of_symbols, {name: len(entries) for name, entries in numbers.items()})

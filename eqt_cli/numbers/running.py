@@ -211,7 +211,7 @@ def mixes_runs(of: Callable[..., Any], times: Array, shapes: Sequence[tuple[int,
     with suppress(Exception):
         together = of(over, *values)
         try:
-            alone = [of(over, *(each[k : k + 1] for each in values)) for k in range(3)]
+            alone = [of(over, *(value[k : k + 1] for value in values)) for k in range(3)]
         except Exception:  # what three runs have and one has not is another run
             return True
         return not np.allclose(np.concatenate(alone), together, rtol=1e-9, equal_nan=True)

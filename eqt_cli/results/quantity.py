@@ -634,8 +634,8 @@ def briefly(texts: Sequence[str]) -> list[str]:
             values.append(json.loads(text))
         except (ValueError, RecursionError):
             values.append(text)
-    words = [_in_words(each) for each in _differing(values)]
-    return words if len(set(words)) == len(texts) else [_in_words(each) for each in values]
+    words = [_in_words(value) for value in _differing(values)]
+    return words if len(set(words)) == len(texts) else [_in_words(value) for value in values]
 
 
 def _differing(values: list[Any]) -> list[Any]:
@@ -656,8 +656,8 @@ def _in_words(value: Any) -> str:
     """Without quotes, and without the braces around a mapping."""
     if isinstance(value, dict):
         kinds = [str(value["kind"])] if "kind" in value else []
-        named = {key.replace("_", " "): each for key, each in value.items() if key != "kind"}
-        others = (f"{key} {_in_words(each)}" for key, each in named.items())
+        named = {key.replace("_", " "): entry for key, entry in value.items() if key != "kind"}
+        others = (f"{key} {_in_words(entry)}" for key, entry in named.items())
         return ", ".join([*kinds, *others]) or "none"
     if isinstance(value, list):
         if len(value) == 1 and isinstance(value[0], dict):

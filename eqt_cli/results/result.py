@@ -609,11 +609,11 @@ def _not_stored(result: Result, quantity: Measure, window: Window | None = None)
 def _of_part(result: Result, quantity: Measure) -> Measure:
     """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
     of = quantity.signals[0] if quantity.signals else ""
-    norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
+    norm = next((quantity for quantity in _OF_MOTIONS if of.startswith(f"{quantity}_")), "")
     parts = result.described.parts if norm else []
-    part = next((each for each in parts if of == f"{norm}_{each.name}"), None)
-    vectors = [each for each in parts if not each.turns]
-    initials = {each.name[0] for each in vectors}
+    part = next((pose_part for pose_part in parts if of == f"{norm}_{pose_part.name}"), None)
+    vectors = [pose_part for pose_part in parts if not pose_part.turns]
+    initials = {pose_part.name[0] for pose_part in vectors}
     if part is None or len(parts) != 1 + len(vectors) or len(initials) < len(vectors):
         return quantity
     if not vectors or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
@@ -753,7 +753,7 @@ def point_folder(*points: int) -> Path:
 @cache
 def meaning_of(status: int) -> str:
     """Describe a status in words."""
-    names = {each.value: each.name.lower().replace("_", " ") for each in Status}
+    names = {status.value: status.name.lower().replace("_", " ") for status in Status}
     return names.get(status, f"status {status}")
 
 

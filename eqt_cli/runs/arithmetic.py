@@ -25,7 +25,7 @@ def arithmetic() -> str:
     numbers, product = (20 * x).tolist(), (x + 1j * x[::-1]) * (x[::-1] + 1j)
     library = [*map(math.sin, numbers), *map(math.exp, numbers), *map(math.atan, numbers)]
     results = [*loops, product, *matrices, library]
-    return sha256(b"".join(np.asarray(each).tobytes() for each in results)).hexdigest()[:12]
+    return sha256(b"".join(np.asarray(array).tobytes() for array in results)).hexdigest()[:12]
 
 
 def by(study: Study) -> dict[str, str]:
@@ -58,7 +58,7 @@ def _dependent(experiment: Experiment) -> str:
     for index, loop in enumerate(experiment.loops.values()):
         parts += parts_of(loop, index)
     starts = (*getattr(start.poses, "factors", (start.poses,)), start.velocities)
-    parts += [LoopPart(each, ("initial",), "the start") for each in starts]
+    parts += [LoopPart(distribution, ("initial",), "the start") for distribution in starts]
     for part in [*parts, *(LoopPart(metric, (), metric.name) for metric in experiment.metrics)]:
         if part.is_foreign or getattr(part.part, "by_processor", False):
             return part.name

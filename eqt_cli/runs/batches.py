@@ -143,7 +143,7 @@ def starts_of(study: Study, points: Array, runs: Array) -> tuple[InitialState, A
     """Return what gives runs their start, and its row for each, ``(runs, 1, n)``."""
     distinct, which = np.unique(points, return_inverse=True)
     desired = [study.experiment(point).desired for point in distinct.tolist()]
-    starts = np.array([[*each.pose.ravel(), *each.velocity] for each in desired])[which]
+    starts = np.array([[*state.pose.ravel(), *state.velocity] for state in desired])[which]
     at = points if study.initial_varies else np.zeros_like(points)
     poses = study.experiment(int(at[0])).start.poses
     numbers, errors = _draws(study, (*at.tolist(),), (*runs.tolist(),))
@@ -268,7 +268,7 @@ class Draws:
         drawing: Hashable = (*parts, *timing, vehicle.estimates, bias_signals(vehicle))
         keys = [(drawing, *self.runs[row]) for row in rows]
         errors = {key: _errors_cache.pop(key, None) for key in dict.fromkeys(keys)}
-        missing = [key for key, each in errors.items() if each is None]
+        missing = [key for key, error in errors.items() if error is None]
         for first in range(0, len(missing), DRAWN_AT_ONCE):
             some = missing[first : first + DRAWN_AT_ONCE]
             randoms = [partial(generator_at, *run) for _, *run in some]
@@ -277,7 +277,7 @@ class Draws:
                 key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(some)
             }
         _errors_cache.update(errors)
-        bytes_kept = sum(part.nbytes for each in list(_errors_cache.values()) for part in each)
+        bytes_kept = sum(part.nbytes for arrays in list(_errors_cache.values()) for part in arrays)
         for oldest in list(_errors_cache):
             if bytes_kept <= KEPT_BYTES:
                 break

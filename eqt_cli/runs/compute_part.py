@@ -421,8 +421,10 @@ def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Nu
     """Return the functions that measure a batch: at every sample, and per run."""
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
-    own_metrics = [each for each in batch.experiment.metrics if each.name in names]
-    without = {name for each in own_metrics for name in each.lacking(problem.loop)}
+    own_metrics = [
+        own_metric for own_metric in batch.experiment.metrics if own_metric.name in names
+    ]
+    without = {name for own_metric in own_metrics for name in own_metric.lacking(problem.loop)}
     # A metric of a law without a number that it reads is NaN.
     none: dict[str, Any] = {"of": lambda over, error: np.nan * over.final(error)}
     none["signals"] = ("pose_error",)
@@ -436,7 +438,7 @@ def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Nu
     control, times = problem.loop.vehicle.control, problem.times
     wait = 0.0 if control is None else (control.delay + 2) * control.period
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
-    formulas = ((type(each).__module__, repr(each)) for each in own_metrics)
+    formulas = ((type(own_metric).__module__, repr(own_metric)) for own_metric in own_metrics)
     windows = sorted({repr(metric.window) for metric in metrics})
     known = (K.tobytes(), balanced, first, *held.items(), *formulas, *windows)
     key = tuple(m.name for m in metrics), tuple(values.items()), known

@@ -101,8 +101,8 @@ class Executor(Component):
         """Return the executor with the options set whose defaults depend on the engine."""
         return self
 
-    def at_once(self, items: int, each: float) -> int:
-        """Return how many of the items run at a time, if one takes `each` s."""
+    def at_once(self, items: int, seconds: float) -> int:
+        """Return how many of the items run at a time, if one takes `seconds`."""
         return min(self.workers, items)
 
     def threads_for(self, items: int) -> int:
@@ -318,7 +318,7 @@ class Serial(Threads):
 
     name: ClassVar[str] = "serial"
 
-    def at_once(self, items: int, each: float) -> int:
+    def at_once(self, items: int, seconds: float) -> int:
         """Return 1."""
         return 1
 
@@ -470,12 +470,12 @@ class Auto(Executor):
         as_fast = self.workers <= (AS_FAST_IN_THREADS if compiled else 1)
         return Auto(self.workers, threads, as_fast if self.stays is None else self.stays)
 
-    def at_once(self, items: int, each: float) -> int:
+    def at_once(self, items: int, seconds: float) -> int:
         """Return the number of items at a time, after the switch to processes if there is one."""
-        here = self._here.at_once(items, each)
+        here = self._here.at_once(items, seconds)
         later = items - here
-        worth = self._worth_starting(later, each / max(here, 1))
-        return Local(self.workers).at_once(later, each) if worth else here
+        worth = self._worth_starting(later, seconds / max(here, 1))
+        return Local(self.workers).at_once(later, seconds) if worth else here
 
     def threads_for(self, items: int) -> int:
         """Return the threads per item before a switch to processes."""
@@ -500,6 +500,6 @@ class Auto(Executor):
             begun += 1
             yield waiting.popleft()
 
-    def _worth_starting(self, left: int, each: float) -> bool:
+    def _worth_starting(self, left: int, seconds: float) -> bool:
         enough = WORTH_LEAVING_THREADS if self.threads else WORTH_STARTING
-        return left > 1 and self.workers > 1 and not self.stays and left * each > enough
+        return left > 1 and self.workers > 1 and not self.stays and left * seconds > enough

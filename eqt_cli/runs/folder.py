@@ -342,7 +342,7 @@ def window_of(config: Config) -> Window:
     return Window(window.start, math.inf if window.stop is None else window.stop)
 
 
-RESERVED = {*QUANTITIES, *(dim for each in QUANTITIES.values() for dim in each.dims)}
+RESERVED = {*QUANTITIES, *(dim for quantity in QUANTITIES.values() for dim in quantity.dims)}
 RESERVED |= {"controller", "run", "stored_run", POINT, "sample", "quantity"}
 """Names that no metric of the user's own may have: variables, dimensions, variables of datasets."""
 
@@ -436,7 +436,9 @@ def _unit_of(
         return signal.units(G)
     if known := signal_of(name):
         signal = formulas[known.name]
-        part = next(each for each in signal.parts(G) if name == f"{signal.name}_{each.name}")
+        part = next(
+            pose_part for pose_part in signal.parts(G) if name == f"{signal.name}_{pose_part.name}"
+        )
         return signal.unit_in(part)
     return next((of[name] for of in map(output_units, laws) if name in of), "1")
 
@@ -655,7 +657,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         flown = gains_flown(experiment)
         about["small_errors"] = {label: errors.model_dump() for label, errors in flown.items()}
     held = [holds(vehicle) for vehicle in vehicles]
-    of_all = {name: each for name, each in held[0].items() if all(name in one for one in held)}
+    of_all = {name: value for name, value in held[0].items() if all(name in one for one in held)}
     about |= {} if swept & {"control", "actuators"} else {"holds": of_all}
     return json.dumps(about, ensure_ascii=False)
 
@@ -695,7 +697,7 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     columns = dict(zip(sweep.keys, zip(*map(sweep.values, points), strict=True), strict=True))
     if sweep.rules:
         follow = [sweep.rules.derived(sweep.settings_of_blocks(point)) for point in points]
-        columns |= {key: tuple(each[key] for each in follow) for key in sweep.rules.formulas}
+        columns |= {key: tuple(values[key] for values in follow) for key in sweep.rules.formulas}
     for key, values in columns.items():
         name = key.replace("[", ".").replace("]", "")
         attributes = {"long_name": f"{key}, swept", "key": key} | _scale_attributes(study, key)

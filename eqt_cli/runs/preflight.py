@@ -187,9 +187,9 @@ def estimate(study: Study, executor: Executor, most_seconds: float = PROBE_SECON
         if per_run is None:
             return ExpectedCost(None, executor.at_once(parts, most_seconds) * threads, size)
         timed += per_run * plans.plans[index].total
-    each = timed / runs * plans.total / parts
-    at_once = executor.at_once(parts, each)
-    return ExpectedCost(math.ceil(parts / max(at_once, 1)) * each, at_once * threads, size)
+    seconds = timed / runs * plans.total / parts
+    at_once = executor.at_once(parts, seconds)
+    return ExpectedCost(math.ceil(parts / max(at_once, 1)) * seconds, at_once * threads, size)
 
 
 def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | None:

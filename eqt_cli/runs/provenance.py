@@ -39,7 +39,7 @@ def commit_of(folder: Path) -> str | None:
         name = rev_parse("--symbolic-full-name", "HEAD").decode().rstrip("\n")
         path = folder / rev_parse("--git-path", name).decode().rstrip("\n")
         # A link may lead to any file with a hash in it, and results are shared.
-        links = any(each.is_symlink() for each in [path, *path.parents][: name.count("/") + 1])
+        links = any(folder.is_symlink() for folder in [path, *path.parents][: name.count("/") + 1])
         return match[1].decode() if match and not links else None
     return None
 

@@ -211,7 +211,7 @@ class PathFigure(OverTime):
         parts, axis = moving_parts(runs.known_group()), self._axis(runs)[1]
         poses = runs.values("pose", law, most), runs.desired("pose", law)
         frame = upright(law.results) if view == "space" else None
-        actual, desired = (course(each, *parts, frame) for each in poses)
+        actual, desired = (course(pose, *parts, frame) for pose in poses)
         if view == "sphere":
             R, Rd = actual[0], desired[0]
             if self.error:
@@ -381,7 +381,7 @@ def _draw(
         pale = look | {"color": mixed(look["color"], ink(0), _BEHIND), "zorder": 1}
         for side, style, shown in (("", look, depth >= 0), (", far side", pale, depth < 0)):
             shown = shown | np.append(shown[1:], False)  # so that the two sides meet
-            seen = (np.where(shown, each, np.nan) for each in (x, y))
+            seen = (np.where(shown, coordinate, np.nan) for coordinate in (x, y))
             axes.plot(*seen, label=f"{label}{side}", **style)
 
 
@@ -563,8 +563,8 @@ def _coordinates(G: MatrixLieGroup, part: Part, unit: str, steep: set[str]) -> l
     if part.turns:
         words = ["roll", "pitch", "yaw"] if len(G.axis_names[part.axes]) == 3 else ["heading"]
         words = [f"error ${axis}$" for axis in _AXES] if part.name in steep else words
-        return [in_words(each, unit) for each in words]
+        return [in_words(word, unit) for word in words]
     names = [axis[1:] for axis in G.axis_names[part.axes]]
-    if sum(not each.turns for each in G.parts) > 1 or not set(names) <= set(_AXES):
+    if sum(not pose_part.turns for pose_part in G.parts) > 1 or not set(names) <= set(_AXES):
         names = [component(symbols(G, part)[0], name) for name in names]
     return [quantity(name, unit) for name in names]

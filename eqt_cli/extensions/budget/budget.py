@@ -177,8 +177,11 @@ def _record(law: LawBudget) -> dict[str, Any]:
         for row in law.rows
     ]
     quantiles = [
-        {key: x._asdict() if isinstance(x, Interval) else x for key, x in each._asdict().items()}
-        for each in law.quantiles
+        {
+            key: x._asdict() if isinstance(x, Interval) else x
+            for key, x in quantile._asdict().items()
+        }
+        for quantile in law.quantiles
     ]
     return {
         **{key: value for key, value in asdict(law).items() if key not in ("rows", "quantiles")},

@@ -96,13 +96,13 @@ class BudgetInWords:
         """Return the table of the quantiles of a law."""
         rows = [
             [
-                f"{100 * each.share:g} %",
-                self.interval(each.mixed),
-                self.interval(each.ensemble),
-                self.interval(each.temporal),
-                self.number(each.worst),
+                f"{100 * quantile.share:g} %",
+                self.interval(quantile.mixed),
+                self.interval(quantile.ensemble),
+                self.interval(quantile.temporal),
+                self.number(quantile.worst),
             ]
-            for each in law.quantiles
+            for quantile in law.quantiles
         ]
         return TextTable(
             "quantiles",

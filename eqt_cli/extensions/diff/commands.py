@@ -50,13 +50,18 @@ def _print_differences(diffs: Differences) -> None:
     for heading, changes in zip(("configuration", "attribute", "provenance"), changed, strict=True):
         if changes:
             rows = [
-                [each["key"], *(_value_shown(each.get(side, "-")) for side in ("first", "second"))]
-                for each in changes
+                [
+                    change["key"],
+                    *(_value_shown(change.get(side, "-")) for side in ("first", "second")),
+                ]
+                for change in changes
             ]
             output.print_text(output.table([heading, "first", "second"], rows), "")
     if diffs.datasets:
         header = ["dataset", "entries", "different", "largest difference"]
-        output.print_text(output.table(header, [_dataset_row(each) for each in diffs.datasets]), "")
+        output.print_text(
+            output.table(header, [_dataset_row(dataset) for dataset in diffs.datasets]), ""
+        )
     output.print_text(_outcome(diffs))
 
 
@@ -76,15 +81,15 @@ def _outcome(diffs: Differences) -> str:
     return f"different: {', '.join([*keys, differing])}"
 
 
-def _dataset_row(each: Dataset) -> list[str]:
-    first, second = each.shapes
+def _dataset_row(dataset: Dataset) -> list[str]:
+    first, second = dataset.shapes
     if first is None or second is None:
         where = "second" if first is None else "first"
-        return [each.name, f"only in the {where}", "-", "-"]
+        return [dataset.name, f"only in the {where}", "-", "-"]
     if first != second:
-        return [each.name, f"{_size(first)}, {_size(second)}", "-", "-"]
-    largest = "-" if each.largest is None else f"{each.largest:.3g}"
-    return [each.name, _size(first), str(each.different), largest]
+        return [dataset.name, f"{_size(first)}, {_size(second)}", "-", "-"]
+    largest = "-" if dataset.largest is None else f"{dataset.largest:.3g}"
+    return [dataset.name, _size(first), str(dataset.different), largest]
 
 
 def _size(shape: Sequence[int]) -> str:

@@ -66,6 +66,6 @@ def _places(document: Document, value: Any, path: KeyPath) -> set[str]:
     inner: Any = ()
     if isinstance(value, dict | list):
         inner = value.items() if isinstance(value, dict) else enumerate(value)
-    for step, each in inner:
-        places |= _places(document, each, (*path, step))
+    for step, child in inner:
+        places |= _places(document, child, (*path, step))
     return places

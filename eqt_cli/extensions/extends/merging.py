@@ -124,8 +124,8 @@ class Reading:
         path = folder / name
         if not path.is_file() and name in shipped.names():
             path = shipped.folder() / f"{name}.yaml"
-        if path.resolve() in [each.resolve() for each in chain]:
-            way = " → ".join(each.name for each in (*chain, path))
+        if path.resolve() in [source.resolve() for source in chain]:
+            way = " → ".join(source.name for source in (*chain, path))
             raise InputError(f"{path} extends itself: {way}")
         if len(chain) >= MOST_LEVELS:
             raise InputError(f"expected at most {MOST_LEVELS} files that extend one another")

@@ -129,7 +129,7 @@ def known_before(result: Result) -> list[Known]:
         for name in result.names
         if name.startswith(PREFIX)
     ]
-    return [each for each in (*numbers, *_starts(result)) if each.differs]
+    return [number for number in (*numbers, *_starts(result)) if number.differs]
 
 
 def _starts(result: Result) -> list[Known]:
@@ -154,8 +154,8 @@ def _starts(result: Result) -> list[Known]:
                 known.append(Known(f"initial {what} {of}".strip(), unit, size))
             names = _axes(G, part.axes)
             known += [
-                Known(f"initial {what} {name}", unit, each)
-                for name, each in zip(names, there.T, strict=True)
+                Known(f"initial {what} {name}", unit, values)
+                for name, values in zip(names, there.T, strict=True)
             ]
     return known
 
@@ -203,7 +203,8 @@ def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Findi
 
     if not known:
         return [[] for _ in laws]
-    values = np.array([[each.values, each.ends] for each in known])  # (numbers, 2, runs)
+    numbers = [[candidate.values, candidate.ends] for candidate in known]
+    values = np.array(numbers)  # (numbers, 2, runs)
     of_laws = [mannwhitneyu(values[..., law.bad], values[..., law.others], axis=-1) for law in laws]
     adjusted = holm(np.ravel([test.pvalue for test in of_laws])).reshape(len(laws), -1, 2)
     rows = []
@@ -211,8 +212,8 @@ def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Findi
         shares = test.statistic / np.prod(law.counts)
         better = p_values.argmin(axis=1)
         law_rows = [
-            _finding(each, law, int(k), float(p[k]), float(share[k]))
-            for each, k, p, share in zip(known, better, p_values, shares, strict=True)
+            _finding(candidate, law, int(k), float(p[k]), float(share[k]))
+            for candidate, k, p, share in zip(known, better, p_values, shares, strict=True)
         ]
         rows.append(sorted(law_rows, key=lambda row: (row.p_value, -abs(row.share - 0.5))))
     return rows

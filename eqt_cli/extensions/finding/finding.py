@@ -49,7 +49,7 @@ def topics() -> tuple[Topic, ...]:
 
 def _exactly(word: str) -> list[Topic]:
     """Return the topics that have a word or phrase, in any spelling."""
-    return [each for each in topics() if bare(word) in {bare(one) for one in each.words}]
+    return [topic for topic in topics() if bare(word) in {bare(one) for one in topic.words}]
 
 
 def topics_for(word: str) -> list[Topic]:
@@ -79,7 +79,9 @@ def components_with(word: str, but: Collection[str]) -> Iterator[dict[str, str]]
     from eqt_cli.config import shipped
 
     listed = [
-        (kind, each.name, summary(each)) for kind in all_kinds() for each in registry(kind).all()
+        (kind, component.name, summary(component))
+        for kind in all_kinds()
+        for component in registry(kind).all()
     ]
     listed += [("configs", name, shipped.summary(name)) for name in shipped.names()]
     pattern = re.compile(rf"\b{re.escape(word)}", re.IGNORECASE)
@@ -102,10 +104,10 @@ def meaning(word: str, but: Collection[str]) -> tuple[dict[str, Any], list[Any]]
     leads, named = topics_for(word), list(components_with(word, but)) if len(word) > 2 else []
     texts: list[Any] = []
     if leads:
-        rows = [[each.have, each.want, each.command, each.file] for each in leads]
+        rows = [[lead.have, lead.want, lead.command, lead.file] for lead in leads]
         texts += ["", f"about {word}:", table(["you have", "you want", "command", "page"], rows)]
     if named:
-        names = [[*each.values()] for each in named]
+        names = [[*record.values()] for record in named]
         texts += ["", f"named or described with {word}:", table(["kind", "name", "meaning"], names)]
     topic_records = [topic._asdict() for topic in leads]
     if not leads and not named:

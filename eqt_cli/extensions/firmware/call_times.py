@@ -159,7 +159,7 @@ def _caller(loop: ClosedLoop) -> tuple[Caller, str]:
             s = inputs.tracking(loop.group, loop.inertia, loop.gains, memory)
             rows, numbers, before = map(many, law.rows(s))
             return partial(law.called.time_of, numbers, period, before, rows)
-        equal = inputs.each(lambda part: many(part) if np.ndim(part) else part)  # of a network
+        equal = inputs.mapped(lambda part: many(part) if np.ndim(part) else part)  # of a network
         states = {name: many(z) for name, z in memory.items()}
         return partial(spent_on, partial(loop.answer, equal, states, period))
 
@@ -170,8 +170,8 @@ def _caller(loop: ClosedLoop) -> tuple[Caller, str]:
     def compiled(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], float]:
         here = replace(loop, held_law=law.held(loop.group, inputs.t))
         values = {NUMBER + name: x for name, x in program.values(here).items()}
-        values |= {INPUT + each.name: getattr(inputs, each.source) for each in program.inputs}
-        values |= {MEMORY + each.name: memory[each.source] for each in program.memory}
+        values |= {INPUT + entry.name: getattr(inputs, entry.source) for entry in program.inputs}
+        values |= {MEMORY + entry.name: memory[entry.source] for entry in program.memory}
         groups = [library.Rows(np.ravel(values[name])) for name, _ in program.step.inputs]
         return partial(spent_on, lambda: library.evaluated(program.step, n, 1, groups, lanes=1))
 

@@ -77,7 +77,7 @@ class States(NamedTuple):
     def with_parts(self, parts: Iterable[Array]) -> States:
         """Return states with other parts, in the order of `parts`."""
         others = iter(parts)
-        inputs = self.inputs.each(lambda _: next(others))
+        inputs = self.inputs.mapped(lambda _: next(others))
         return States(inputs, dict(zip(self.memory, others, strict=True)))
 
     def of(self, where: Any) -> States:
@@ -718,8 +718,8 @@ def assumptions(question: Question) -> Iterator[Assumption]:
     inputs = question.inputs
     yield "", question, inputs, inputs
     yield from _of_frames(question)
-    for words, each in _everywhere(question).items():
-        yield words, question, each, each
+    for words, faulty in _everywhere(question).items():
+        yield words, question, faulty, faulty
     for words, changed in _other_laws(question):
         yield words, changed, inputs, inputs
 
@@ -803,10 +803,10 @@ def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
         other = Family(*weights, error=frame, quadratic=law.quadratic)
         words = f"the frames are exchanged: all errors are in the {frame} frame"
         yield words, _with(question, controller=other)
-    for each in fields(law):  # optional ones, such as the bound of an integral
-        if each.init and each.default is None and getattr(law, each.name) is not None:
-            without = replace(law, **{each.name: None})
-            yield f"the option {each.name} is missing", _with(question, controller=without)
+    for field in fields(law):  # optional ones, such as the bound of an integral
+        if field.init and field.default is None and getattr(law, field.name) is not None:
+            without = replace(law, **{field.name: None})
+            yield f"the option {field.name} is missing", _with(question, controller=without)
     if question.memory and loop.period:
         s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
         rates = law.memory_rate(s)

@@ -147,7 +147,7 @@ class Judged:
         both = States.joined([self.states, self.states.of(slice(1)).not_finite()])
         reached = np.bitwise_or.reduce(self.watched(both).outcomes) | 3 * self.of_pointers
         had = list(zip(decisions, reached.tolist(), strict=True))
-        entered = {each.function for each, outcome in had if outcome}
+        entered = {decision.function for decision, outcome in had if outcome}
         for decision, outcome in had:
             where = f"{decision.place}: {decision.text}"
             if decision.function not in entered and not decision.is_function:
@@ -228,14 +228,14 @@ def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
         words = "; ".join(said[True] + ([] if law.formula and said[True] else said[False]))
         # A coefficient of 0.00 is that of a term that is lacking.
         words = re.sub(r": coefficient 0\.00 of [^,;]+|; the same as in [^;]+", "", words)
-        pieces = [each for each in words.split("; ") if each]
+        pieces = [clause for clause in words.split("; ") if clause]
         finding, answer = "differs", f"differs from {name}: {words}"
         if not name or "undecided: " in words:
             finding = "undecided"
             answer = f"{f'may be {name}' if name else 'claims no law'}: {words}"
-        elif all(re.match(f"{LACKS}|{BESIDES}", each) for each in pieces):
+        elif all(re.match(f"{LACKS}|{BESIDES}", piece) for piece in pieces):
             answer = " but ".join(filter(None, [f"is {name}", " and ".join(pieces)]))
-            if all(re.match(LACKS, each) for each in pieces):
+            if all(re.match(LACKS, piece) for piece in pieces):
                 finding = "lacks" if pieces else "is"
         elif law.formula is None:
             answer = f"claims no law; the nearest is {name}: {words}"
@@ -369,7 +369,7 @@ def _unclaimed(judged: Judged) -> Row:
         one = explained_finely(law, without, real)
         return not one.is_complete, one.cost if one.is_complete else one.left
 
-    shipped = (each for each in _shipped(loop, states) if _is(each, torque, real, signs))
+    shipped = (law for law in _shipped(loop, states) if _is(law, torque, real, signs))
     law = next(shipped, None) or min(_shipped(loop, states), key=apart)
     differences = _differences(law, torque, real)
     words = [f"undecided: {'; '.join(judged.never)}"] if judged.never else []
@@ -401,7 +401,7 @@ def _is(law: Question, torque: Array, real: str, signs: Sequence[Limit]) -> bool
     size = np.abs(expected).max(axis=1, keepdims=True)
     near = COARSE[real].left / 10 * (size + np.nanmedian(size))
     apart = (np.abs(x.after(expected, torque) - torque) for x in signs)
-    return any(((each <= near) | ~np.isfinite(expected + torque)).all() for each in apart)
+    return any(((error <= near) | ~np.isfinite(expected + torque)).all() for error in apart)
 
 
 def _reach(judged: Judged) -> list[str]:
@@ -420,7 +420,7 @@ def _reach(judged: Judged) -> list[str]:
     elif judged.never:
         words = [f"undecided: {'; '.join(judged.never)}", *words]
     else:
-        decided = sum(not each.is_label for each in judged.law.decisions)
+        decided = sum(not decision.is_label for decision in judged.law.decisions)
         constant = np.count_nonzero(judged.of_pointers)
         words.append(
             f"all {decided - constant} comparisons and conditions were both true and false"
@@ -494,7 +494,7 @@ def _rounding(question: Question, where: Array) -> Array:
         return lifted(values, UNIT * size * np.ones_like(values))
 
     bounded = with_leaves(loop, {path: inexact(values) for path, values in leaves(loop).items()})
-    inputs = question.inputs.each(lambda part: inexact(np.asarray(part)[where], question.adapted))
+    inputs = question.inputs.mapped(lambda part: inexact(np.asarray(part)[where], question.adapted))
     memory = {name: inexact(values[where]) for name, values in question.memory.items()}
     with np.errstate(all="ignore"):
         _, errors = value_of(bounded.answer(inputs, memory, loop.period)[0])
@@ -581,7 +581,7 @@ def _of_memory(judged: Judged, states: States, question: Question, real: str) ->
         sums = [x @ by for x, by in zip(errors, np.split(factors, 2), strict=True)]
         near = COARSE[real].left * np.abs(advance).max(initial=0.0)
         names = zip(("pose error", "velocity error"), sums, strict=True)
-        of = " and ".join(each for each, x in names if (np.abs(x) > near).any())
+        of = " and ".join(entry for entry, x in names if (np.abs(x) > near).any())
         is_sum = of and np.abs(sum(sums) - advance).max() <= near
         words.append(f"has an integral of {of}" if is_sum else f"has its own memory, {name}")
     return words

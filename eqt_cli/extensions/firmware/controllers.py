@@ -141,7 +141,7 @@ class Signal(Keys):
     def _place(self, G: MatrixLieGroup, x: LawInput) -> tuple[str, Part, tuple[Any, ...], str]:
         """Return the input, its part, where that is, and its frame in eqt; none of a rotation."""
         name, _, which = self.signal.partition(".")
-        part = next((each for each in G.parts if which in ("", each.name)), None)
+        part = next((pose_part for pose_part in G.parts if which in ("", pose_part.name)), None)
         flat = ("position", "heading") if np.size(x.position) else ()  # of rigid motions alone
         absent = {*NOT_IN_CODE, "position", "heading"} - {*flat}
         fields = [name for name in x._fields if name not in absent and getattr(x, name) is not None]
@@ -239,7 +239,11 @@ class Output(Signal):
             return None
         if self.as_ != "rotors":
             return np.eye(G.dimension)[:, [command_axes(G).index(str(name)) for name in self.order]]
-        parts = (each.members[THRUSTER] for each in plant.actuators if THRUSTER in each.members)
+        parts = (
+            actuator.members[THRUSTER]
+            for actuator in plant.actuators
+            if THRUSTER in actuator.members
+        )
         rotors = next(parts, ())
         known = {**dict(enumerate(rotors, 1)), **dict(zip(rotors, rotors, strict=True))}
         if not rotors:
@@ -296,9 +300,9 @@ class Adapter(Keys):
     def entries(self, G: MatrixLieGroup, known: Mapping[str, str]) -> Iterator[Entry]:
         """Yield what C reads in place of the known input of a law, whose units are given."""
         first = first_inputs(G)
-        for name, each in self.inputs.items():
-            of, shape = each.signal.partition(".")[0], each.values(G, first).shape[1:]
-            yield Entry(name, shape, of, each.words(known.get(of, "")))
+        for name, source in self.inputs.items():
+            of, shape = source.signal.partition(".")[0], source.values(G, first).shape[1:]
+            yield Entry(name, shape, of, source.words(known.get(of, "")))
 
     def read(self, G: MatrixLieGroup, x: LawInput, values: Arrays) -> LawInput:
         """Return the input of a law from what code has of it."""
@@ -521,7 +525,7 @@ class Code(_Numbers, RunsCode, Previews):
             steps = self.preview_.steps if self.preview_ else 0
             space, first = G.space if matrix_groups.rigid_motions(G) else 0, self._first_inputs(G)
             reads = self._adapted.inputs.items()
-            shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
+            shapes = tuple((name, source.values(G, first).shape[1:]) for name, source in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
             returns = len(self._adapted.output.order or range(G.dimension))
             of_group |= {"steps": steps, "casadi": self._casadi, "returns": returns}
@@ -713,7 +717,7 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def _reads(self) -> list[str]:
         """The names of `LawInput` that the code is given."""
-        signals = [each.signal.partition(".")[0] for each in self._adapted.inputs.values()]
+        signals = [source.signal.partition(".")[0] for source in self._adapted.inputs.values()]
         return signals or [*self.called.code.inputs]
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:

@@ -63,7 +63,7 @@ def _environment() -> Environment:
         *(above, apart_in_words, bounds_in_words, braced, comment, declared, default, emitted),
         *(indented, markdown, meaning, measurements, row, wrapped),
     ]
-    made.globals |= {each.__name__: each for each in functions}
+    made.globals |= {function.__name__: function for function in functions}
     made.globals |= {"version": __version__, "tolerance": TOLERANCE, "meanings": INPUT_MEANINGS}
     return made
 
@@ -190,7 +190,7 @@ def header(law: ExportedLaw) -> str:
     """Return the header: types and functions, with the bounds of the errors."""
     program = law.program
     states = [
-        _field(law.by, each, f"the state {each.source} of the law") for each in program.memory
+        _field(law.by, entry, f"the state {entry.source} of the law") for entry in program.memory
     ]
     of_filter = {}
     if law.filter:
@@ -209,10 +209,12 @@ def header(law: ExportedLaw) -> str:
     return of_law(
         "law.h",
         law,
-        input=[_field(law.by, each, INPUT_MEANINGS[each.source]) for each in program.inputs],
-        numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
+        input=[_field(law.by, entry, INPUT_MEANINGS[entry.source]) for entry in program.inputs],
+        numbers=[_field(law.by, number, meaning(law, number)) for number in program.numbers],
         memory=states or [(law.by.name, "unused", "the law has no memory")],
-        outputs=[_field(law.by, each, f"{each.source} of the law") for each in program.outputs],
+        outputs=[
+            _field(law.by, output, f"{output.source} of the law") for output in program.outputs
+        ],
         **of_filter,
     )
 
@@ -312,9 +314,9 @@ def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) 
     p = law.program
     of = (INPUT, "input", p.inputs), (NUMBER, "numbers", p.numbers), (MEMORY, "memory", p.memory)
     entries = {
-        prefix + each.name: f"{'' if each.shape else '&'}{where}->{each.name}"
+        prefix + entry.name: f"{'' if entry.shape else '&'}{where}->{entry.name}"
         for prefix, where, group in of
-        for each in group
+        for entry in group
     }
     arguments = [entries[group] for group, _ in program.inputs]
     return wrapped(f"{name}({', '.join([*arguments, *outputs])});", " " * 12).lstrip()
@@ -351,7 +353,7 @@ def check(law: ExportedLaw) -> str:
         after_bound = [
             x for name in memory for x in _stored(bounds[name].errors[k], bounds[name].values[k])
         ]
-        fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
+        fields = [initialiser(state[INPUT + entry.name], entry, law.by) for entry in program.inputs]
         before = [braced(state[name], law.by) for name in memory]
         outputs, output_bound = _exact(law, program.output, state, output_names)
         parts = [

@@ -282,9 +282,7 @@ class ReferenceProgram:
             evaluated(self.motion, {name: rows[k] for name, rows in inputs.items()})
             for k in np.flatnonzero(clear)
         ]
-        values = {
-            name: np.array([list(map(float, each[name])) for each in exact]) for name in judged
-        }
+        values = {name: np.array([list(map(float, row[name])) for row in exact]) for name in judged}
         bounds = {}
         for name, output in judged.items():
             size = np.abs(values[name])
@@ -535,13 +533,13 @@ class ExportedLaw:
     @cached_property
     def fixed(self) -> frozenset[str]:
         """Names of the numbers that are no options: the law fixes them."""
-        of_law = [each for each in self.program.numbers if each.source.startswith(CONTROLLER)]
+        of_law = [number for number in self.program.numbers if number.source.startswith(CONTROLLER)]
         return frozenset(
-            each.name
-            for each in of_law
-            for field in fields(self.owner(each))
-            if field.name == each.source.rpartition(".")[2].partition("[")[0]
-            and not (field.init and ".acting" not in each.source)
+            number.name
+            for number in of_law
+            for field in fields(self.owner(number))
+            if field.name == number.source.rpartition(".")[2].partition("[")[0]
+            and not (field.init and ".acting" not in number.source)
         )
 
     def owner(self, number: Entry) -> Any:
@@ -624,8 +622,8 @@ class ExportedLaw:
         inputs, sizes = {"torque": torque.values[apart]}, {"torque": G.dimension}
         program = traced(lambda x: {"found": actuator.solution(G, x["torque"])}, sizes)
         rounding, both = (
-            float(bounded(program, inputs, self.by, each)["found"].errors.max(initial=0.0))
-            for each in ({}, {"torque": torque.errors[apart]})
+            float(bounded(program, inputs, self.by, errors)["found"].errors.max(initial=0.0))
+            for errors in ({}, {"torque": torque.errors[apart]})
         )
         return Allocation("thrusts, N,", actuator.inverse, [], rounding, both - rounding, program)
 
@@ -707,8 +705,8 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
         raise EqtError(f"{law.label}: the adapter lacks {left}, or a part of it; add an input")
     if law.reference or law.filter:
         raise EqtError(f"{law.label}: leave out --reference and the estimator, or the adapter")
-    known = {each.source: each for each in law.program.inputs}
-    signals = {name: rows[INPUT + name].reshape(-1, *each.shape) for name, each in known.items()}
+    known = {entry.source: entry for entry in law.program.inputs}
+    signals = {name: rows[INPUT + name].reshape(-1, *entry.shape) for name, entry in known.items()}
     x = LawInput._make(map(signals.get, LawInput._fields))
     inputs = {name: values for name, values in rows.items() if name.startswith(MEMORY)}
     for name, signal in adapter.inputs.items():

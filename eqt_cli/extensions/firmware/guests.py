@@ -290,7 +290,7 @@ class Pool:
         thread = threading.get_ident()
         with self.lock:
             if thread not in self.of_threads:
-                alive = {each.ident for each in threading.enumerate()}
+                alive = {thread.ident for thread in threading.enumerate()}
                 alive.discard(threading.main_thread().ident)
                 idle = [ident for ident in self.of_threads if ident not in alive]
                 if not idle and len(self.guests) < MOST_GUESTS:
@@ -399,7 +399,7 @@ class _Calls:
         self.pool, self.arrays, self.lost, self.idle = pool, arrays, dict[int, str](), 0
         if pool.lost:  # another call would be lost, too
             words = (pool.lost.get(self._row(place), "") for place in range(len(arrays[0])))
-            self.lost = {place: each for place, each in enumerate(words) if each}
+            self.lost = {place: word for place, word in enumerate(words) if word}
 
     def _row(self, place: int) -> bytes:
         return b"".join(array[place].tobytes() for array in self.arrays)

@@ -51,7 +51,7 @@ class Arithmetic:
 
 DOUBLE = Arithmetic("double", 2.0**-53, 2.0**-1022, 4.0)
 FLOAT = Arithmetic("float", 2.0**-24, 2.0**-126, 8.0)
-ARITHMETICS = {each.name: each for each in (DOUBLE, FLOAT)}
+ARITHMETICS = {arithmetic.name: arithmetic for arithmetic in (DOUBLE, FLOAT)}
 
 SINGULAR = 2.0**10
 """Relative error of a divisor or of a compared value, in unit roundoffs, above which a state counts
@@ -121,8 +121,8 @@ def bounded(
         Errors of the inputs, in the same shapes; 0 if missing.
     """
     values_of, known = (
-        {name: np.atleast_2d(np.asarray(values, float)) for name, values in each.items()}
-        for each in (inputs, errors or {})
+        {name: np.atleast_2d(np.asarray(values, float)) for name, values in rows.items()}
+        for rows in (inputs, errors or {})
     )
     count = max((len(values) for values in values_of.values()), default=1)
     blocks = []
@@ -130,8 +130,8 @@ def bounded(
         for start in range(0, count, BLOCK):
             part = slice(start, min(start + BLOCK, count))
             one, other = (
-                {name: x[part] if len(x) > 1 else x for name, x in each.items()}
-                for each in (values_of, known)
+                {name: x[part] if len(x) > 1 else x for name, x in rows.items()}
+                for rows in (values_of, known)
             )
             analysis = _Analysis(program, one, by, other, part.stop - part.start)
             blocks.append([analysis.of(output) for output in program.outputs])
@@ -172,7 +172,7 @@ class _Analysis:
         """Return an output, with ``(count, entries)`` for values and errors."""
         numbers = [self.numbers[entry] for entry in output.entries]
         values, errors, lost = (
-            np.stack([np.broadcast_to(each[part], self.count) for each in numbers], axis=-1)
+            np.stack([np.broadcast_to(number[part], self.count) for number in numbers], axis=-1)
             if numbers
             else np.zeros((self.count, 0))
             for part in range(3)
@@ -205,13 +205,15 @@ class _Analysis:
             return _selected(*x)
         if name in COMPARISONS:
             return _compared(*x)
-        lost = np.maximum.reduce(np.broadcast_arrays(*(each.lost for each in x)))
+        lost = np.maximum.reduce(np.broadcast_arrays(*(operand.lost for operand in x)))
         if name in ("divide", "sqrt", "log", "pow"):
             near = x[-1] if name == "divide" else x[0]
             # An exact value loses nothing, even if it is 0.
             lost = np.maximum(lost, np.where(near.error > 0, near.error / np.abs(near.value), 0.0))
         value, slopes = _value_and_slopes(name, x)
-        error = sum(np.abs(_product(k, each.error)) for k, each in zip(slopes, x, strict=True))
+        error = sum(
+            np.abs(_product(k, operand.error)) for k, operand in zip(slopes, x, strict=True)
+        )
         if name == "multiply":
             error = error + x[0].error * x[1].error
         units = 1.0 if name in _ROUNDED else self.by.function_units
@@ -256,7 +258,7 @@ def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[A
         jump = np.floor(a.value + a.error) - np.floor(a.value - a.error)
         return value, (np.where(jump > 0, jump / a.error, 0.0),)
     near = [slope(name, at) + 0.0 * at for at in (a.value, a.value - a.error, a.value + a.error)]
-    return value, (np.copysign(np.fmax.reduce([np.abs(each) for each in near]), near[0]),)
+    return value, (np.copysign(np.fmax.reduce([np.abs(value) for value in near]), near[0]),)
 
 
 def _product(a: Array, b: Array) -> Array:

@@ -249,7 +249,7 @@ def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
     sections = [unpack_from("<2I4Q2I2Q", made, table + k * size) for k in range(count)]
     at = sections[unpack_from("<H", made, 62)[0]][4]
     names = [_text(made, at + section[0]) for section in sections]
-    for section in (each for each in sections if each[1] == SYMBOLS):
+    for section in (header for header in sections if header[1] == SYMBOLS):
         offset, length, text = section[4], section[5], sections[section[6]][4]
         for name, info, _, where, _, _ in iter_unpack("<I2BH2Q", made[offset : offset + length]):
             if info & 15 not in (UNTYPED, OBJECT, COMMON, THREADS) or not name:
@@ -437,7 +437,7 @@ class UserCode(CodeFile):
             known = self.fields(struct := f"{self.prefix}_{key}")
             if known is None:
                 continue
-            for name in (each for each in fields if each not in known):
+            for name in (named for named in fields if named not in known):
                 hint = suggestion(name, known) or f"; it has {', '.join(known) or 'none'}"
                 raise InputError(f"{key}: {struct} in {self.file} has no field {name}{hint}")
 

@@ -147,7 +147,7 @@ class MetricReward:
 
     def __init__(self, plant: Plant, name: str) -> None:
         quantity = QUANTITIES.get(name)
-        usual = [key for key, each in QUANTITIES.items() if _adds(each)]
+        usual = [key for key, quantity in QUANTITIES.items() if _adds(quantity)]
         if not isinstance(quantity, Measure) or not _adds(quantity):
             what = "is no mean and no integral over time, so it is no sum over steps"
             if quantity is None:

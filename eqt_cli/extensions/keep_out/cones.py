@@ -59,7 +59,7 @@ class Cone(Keys):
             Makes of a function of the times what belongs to each sample.
         """
         if self.table is None:
-            values = [formula(each).evaluate({"t": t}) for each in self.at or ()]
+            values = [formula(expression).evaluate({"t": t}) for expression in self.at or ()]
         else:
             times, *columns = np.array(self.table, dtype=float).T
             values = [of_times(lambda at, x=x: np.interp(at, times, x)) for x in columns]
@@ -91,10 +91,10 @@ class Cone(Keys):
             problems.add("expected either at, such as [1, 0, 0], or table")
         elif self.at is not None:
             here = problems.at("at")
-            for k, each in enumerate(self.at):
+            for k, expression in enumerate(self.at):
                 with here.catching(k):
-                    formula(each)
-            if len(self.at) != 3 or not any(each != 0 for each in self.at):
+                    formula(expression)
+            if len(self.at) != 3 or not any(component != 0 for component in self.at):
                 here.add(f"expected a direction [x, y, z], not all 0, got {shown(self.at)}")
         else:
             _check_table(self.table or [], problems.at("table"))
@@ -141,8 +141,8 @@ class OfCones(Metric):
     def margin(self, over: SampledRuns, pose: Array) -> Array:
         """Return the least margin of the cones at each sample, deg."""
         R = pose[..., :3, :3]
-        each = [cone.margin(R, over.time, over.of_times) for cone in self.cones]
-        return reduce(minimum, each)
+        margins = [cone.margin(R, over.time, over.of_times) for cone in self.cones]
+        return reduce(minimum, margins)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and cones that are none."""

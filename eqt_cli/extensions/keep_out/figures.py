@@ -56,14 +56,14 @@ class KeepOut(OverTime):
         )
         for name, cone in zip(names, cones, strict=True):
             axes, edge = panels[name], float(np.degrees(cone.angle))
-            for each in runs.shown:
-                times, look = runs.times(each), dict[str, Any](line_style(each.look))
+            for law in runs.shown:
+                times, look = runs.times(law), dict[str, Any](line_style(law.look))
                 over = SampledRuns(times)
-                R = runs.values("pose", each)[..., :3, :3]
+                R = runs.values("pose", law)[..., :3, :3]
                 angles = edge + cone.margin(R, over.time, over.of_times)
-                axes.plot(times, np.median(angles, axis=0), label=each.label, **look)
+                axes.plot(times, np.median(angles, axis=0), label=law.label, **look)
                 least = look | {"linestyle": ":", "linewidth": 0.6}
-                axes.plot(times, angles.min(axis=0), label=f"least of {each.label}", **least)
+                axes.plot(times, angles.min(axis=0), label=f"least of {law.label}", **least)
             axes.axhspan(0.0, edge, color=ink(), alpha=0.12, linewidth=0, label="cone")
             axes.set_ylim(bottom=0.0)
             layout.open_frame(axes)

@@ -11,7 +11,7 @@ from eqt_cli.numbers.running import SampledRuns
 
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Any, str]]:
     """Yield where the reference is inside a cone of the first metric of cones."""
-    places = [k for k, each in enumerate(experiment.metrics) if isinstance(each, OfCones)]
+    places = [k for k, quantity in enumerate(experiment.metrics) if isinstance(quantity, OfCones)]
     if not places:
         return
     shown = shown or experiment.reference_over_horizon()

@@ -356,7 +356,9 @@ class _Design:
             return Regulator(self._gain(A[k], B[k], S), S)
         instants = max(1, round((times[following] - times[k]) / period))
         for share in np.arange(instants)[::-1] / instants:
-            A_now, B_now = (each[k] + share * (each[following] - each[k]) for each in (A, B))
+            A_now, B_now = (
+                matrix[k] + share * (matrix[following] - matrix[k]) for matrix in (A, B)
+            )
             gain = self._gain(A_now, B_now, S)
             S = self.Q + A_now.T @ S @ (A_now - B_now @ gain)
             S = (S + S.T) / 2

@@ -157,7 +157,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             if law.commands != "torque":
                 said = "expected an attitude law that computes a torque, such as lee2010"
                 problems.at("law", "attitude").add(f"{said}, got {law.inner.name}")
-            options = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+            options = {
+                field.name: getattr(self, field.name) for field in fields(self) if field.init
+            }
             ready = self.around_outer_loop(**options)
         names = ("tasks", "matched", "weight", "energy")
         return with_fields(ready, around=law, **{name: getattr(law, name) for name in names}), files
@@ -227,7 +229,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return that the first measurement has been, and what the inner law counts."""
         counts = self.around.cycle(period) if isinstance(self.around, laws.CountsInstants) else [{}]
-        return [{STARTED: 1.0, **{INNER + name: z for name, z in each.items()}} for each in counts]
+        return [
+            {STARTED: 1.0, **{INNER + name: z for name, z in count.items()}} for count in counts
+        ]
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return that of the inner law."""

@@ -225,7 +225,7 @@ def _modules(
             {
                 "wasm": {kind: _base64(content) for kind, content in contents.items()},
                 "sizes": live.sizes,
-                "laws": [each.label for each in members],
+                "laws": [member.label for member in members],
                 "metrics": live.metrics,
                 "kept": live.places(),
             }

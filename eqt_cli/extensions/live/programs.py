@@ -226,8 +226,8 @@ def _unit(name: str, program: Program, stretches: Sequence[int]) -> str:
     """Return the C of a program whose names end with `name`, for a file with others."""
     shared = ["eqt_evaluate", "eqt_program", "eqt_lengths", "eqt_found_lengths"]
     defined = ["EQT_SOURCES", "EQT_INPUTS", "EQT_ARRAYS", "EQT_OUTPUTS", "EQT_CALL"]
-    before = [f"#define {each} {each}_{name}" for each in shared]
-    after = [f"#undef {each}" for each in (*shared, *defined, "EQT_EVALUATE_H", "EQT_LANES")]
+    before = [f"#define {macro} {macro}_{name}" for macro in shared]
+    after = [f"#undef {macro}" for macro in (*shared, *defined, "EQT_EVALUATE_H", "EQT_LANES")]
     text = library.evaluation_source(program, stretches, LANES)
     return "\n".join([*before, text, *after, f"#define EQT_LANES {LANES}"])
 

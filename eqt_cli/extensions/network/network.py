@@ -427,7 +427,7 @@ def bare_source(made: Emitted) -> str:
 
 def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
     """Call a function of `source_of` for some runs, which changes the states."""
-    addresses = [ctypes.c_void_p(each.ctypes.data) for each in (states, rows, outputs)]
+    addresses = [ctypes.c_void_p(array.ctypes.data) for array in (states, rows, outputs)]
     end = ctypes.c_long(len(rows)), 0, ctypes.c_double(0.0), None
     function(*end, *addresses, None, None)
 
@@ -513,9 +513,9 @@ class Network(RunsCode, Previews):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note signals that the group has not, and another number of them than the network has."""
-        for index, each in enumerate(self.observes):
-            each.check(G, problems.at("observes", index))
-            if each.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
+        for index, observation in enumerate(self.observes):
+            observation.check(G, problems.at("observes", index))
+            if observation.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
                 problems.at("observes", index).add("last_command occurs twice; name it once")
         if problems or self.text in ("", UNTRAINED):
             return
@@ -527,7 +527,7 @@ class Network(RunsCode, Previews):
         sizes, inputs = self._sizes(G), self.network.length[self.network.observed]
         if sum(sizes) != inputs:
             pairs = zip(self.observes, sizes, strict=True)
-            listed = ", ".join(f"{each.signal} {size}" for each, size in pairs)
+            listed = ", ".join(f"{observation.signal} {size}" for observation, size in pairs)
             problems.at("observes").add(
                 f"gives {sum(sizes)} numbers ({listed}), and the network in {self.file} takes "
                 f"{inputs}"
@@ -536,12 +536,17 @@ class Network(RunsCode, Previews):
     @property
     def preview(self) -> tuple[float, ...]:
         """The times from now at which it knows the reference, s."""
-        return tuple(t for each in self.observes if each.preview for t in each.preview.times)
+        return tuple(
+            t
+            for observation in self.observes
+            if observation.preview
+            for t in observation.preview.times
+        )
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law in C, with the rotors of the plant."""
         if self.preview:
-            index = next(i for i, each in enumerate(self.observes) if each.preview)
+            index = next(i for i, observation in enumerate(self.observes) if observation.preview)
             check_foreseen(plant, problems.at("observes", index, "preview"))
         if problems or not self.text:
             return self
@@ -580,7 +585,7 @@ class Network(RunsCode, Previews):
         said, k = self.commands_, self.network.commands
         names, M, of_rotors = command_axes(G), np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
-            rotors = [each for each in plant.actuators if THRUSTER in each.members]
+            rotors = [actuator for actuator in plant.actuators if THRUSTER in actuator.members]
             if not rotors:
                 problems.add("as: rotors, and actuators has no thrusters")
                 return np.empty((0, 0)), np.empty((0, 0))

@@ -436,7 +436,7 @@ MOST_NODES = 10 * MOST_STEPS
 
 def _nodes_of(model: Any, onnx: Any) -> int:
     """Return how many nodes a model has once its functions stand where they are called."""
-    functions = {(each.domain, each.name): each.node for each in model.functions}
+    functions = {(function.domain, function.name): function.node for function in model.functions}
 
     @cache
     def size_of(key: tuple[str, str]) -> int:
@@ -899,8 +899,12 @@ class _Checkpoint:
             return of
         if kind == "mlp":
             hidden = range(int(self._of(place, "num_layers") or 0) - 2)
-            for each in ["input_layer", *(f"hidden_layer_{k}" for k in hidden), "output_layer"]:
-                of = self._dense(built, f"{place}/{each}", of)
+            for layer_name in [
+                "input_layer",
+                *(f"hidden_layer_{k}" for k in hidden),
+                "output_layer",
+            ]:
+                of = self._dense(built, f"{place}/{layer_name}", of)
             return of
         if kind == "dense":
             return self._dense(built, place, of)
@@ -909,8 +913,8 @@ class _Checkpoint:
         if kind != "gru":
             built.refuse(f"the layer {kind or 'without a type'} at {place}")
         W, U, b, d, start = (
-            self.numbers(f"{place}/{each}/parameters")
-            for each in (
+            self.numbers(f"{place}/{layer_name}/parameters")
+            for layer_name in (
                 *("weights_input", "weights_hidden", "biases_input", "biases_hidden"),
                 "initial_hidden_state",
             )
@@ -926,7 +930,7 @@ class _Checkpoint:
         return state
 
     def _dense(self, built: Built, place: str, of: Operand) -> Operand:
-        W, b = (self.numbers(f"{place}/{each}/parameters") for each in ("weights", "biases"))
+        W, b = (self.numbers(f"{place}/{part}/parameters") for part in ("weights", "biases"))
         of, function = built.affine(of, W, np.ravel(b)), self._of(place, "activation_function")
         if function == "IDENTITY":
             return of

@@ -194,14 +194,14 @@ def authority_table(experiment: Experiment) -> Text | None:
     from eqt_cli.cli.output import table
 
     header, rows = list[str](), list[list[str]]()
-    for each in members_of(experiment):
-        times = {False: f"at {each.state}"}
-        if each.fails is not None and each.fails.at <= experiment.config.time.duration:
-            times[True] = f"from {each.fails.at:g} s"
-        left_at = {when: each.left(when) for when in times}
-        if left_at[False] is None or (header and header[1:] != _columns(each, left_at)):
+    for member in members_of(experiment):
+        times = {False: f"at {member.state}"}
+        if member.fails is not None and member.fails.at <= experiment.config.time.duration:
+            times[True] = f"from {member.fails.at:g} s"
+        left_at = {when: member.left(when) for when in times}
+        if left_at[False] is None or (header and header[1:] != _columns(member, left_at)):
             continue
-        header = ["left by limits", *_columns(each, left_at)]
+        header = ["left by limits", *_columns(member, left_at)]
         for when, left in left_at.items():
             if left is None:
                 rows.append([f"{times[when]}, not held", *["-"] * (len(header) - 1)])
@@ -220,13 +220,18 @@ def _columns(members: Members, left: dict[bool, Array | None]) -> list[str]:
     return [f"{name}, {unit}" for name, unit in zip(members.names, milli, strict=True)]
 
 
-def beside(each: Members, directions: Sequence[str]) -> Iterator[str]:
+def beside(members: Members, directions: Sequence[str]) -> Iterator[str]:
     """Yield what each direction brings along others, in which no law asks for anything."""
-    if each.part.takes == THRUSTS or each.part.name == "wheels":
+    if members.part.takes == THRUSTS or members.part.name == "wheels":
         return
-    rest = np.eye(len(directions)) - np.linalg.pinv(each.wanted) @ each.wanted
-    moved = rest @ np.asarray(each.part.matrix) @ each.part.inverse @ np.linalg.pinv(each.wanted)
-    for name, column in zip(each.names, moved.T, strict=True):
+    rest = np.eye(len(directions)) - np.linalg.pinv(members.wanted) @ members.wanted
+    moved = (
+        rest
+        @ np.asarray(members.part.matrix)
+        @ members.part.inverse
+        @ np.linalg.pinv(members.wanted)
+    )
+    for name, column in zip(members.names, moved.T, strict=True):
         for k in np.flatnonzero(np.abs(column) > BESIDE).tolist():
             unit = "N m" if directions[k].startswith("torque") else "N"
             yield f"{column[k]:.3g} {unit} of {directions[k]} with 1 of {name}".replace("-", "−")
@@ -237,32 +242,32 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
 
     Before a run, `shown` is None, and linear programmes are solved for failures only.
     """
-    for each in members_of(experiment):
-        key: KeyPath = (ACTUATORS, each.index)
+    for member in members_of(experiment):
+        key: KeyPath = (ACTUATORS, member.index)
         cut = [
             experiment.titles[label]
             for label, loop in experiment.loops.items()
-            if replace(each, part=without_inner(loop.vehicle).actuators[each.index]).is_cut
+            if replace(member, part=without_inner(loop.vehicle).actuators[member.index]).is_cut
         ]
         if cut:
             yield (
                 key,
-                f"at {each.state}, the thrusts for any torque of {', '.join(cut)} are beyond their "
-                "limits, because nothing else needs thrusts, to which they could add. So every "
-                "command is cut; `allocation: bounded` finds thrusts that give the torque",
+                f"at {member.state}, the thrusts for any torque of {', '.join(cut)} are beyond "
+                "their limits, because nothing else needs thrusts, to which they could add. So "
+                "every command is cut; `allocation: bounded` finds thrusts that give the torque",
             )
             continue
-        if words := ", ".join(beside(each, command_axes(experiment.group))):
-            yield key, f"{each.part.name} give more than the law asks for: {words}"
-        failing = each.fails is not None and each.fails.at <= experiment.config.time.duration
-        before = each.left() if failing or shown is not None else None
+        if words := ", ".join(beside(member, command_axes(experiment.group))):
+            yield key, f"{member.part.name} give more than the law asks for: {words}"
+        failing = member.fails is not None and member.fails.at <= experiment.config.time.duration
+        before = member.left() if failing or shown is not None else None
         if before is None:
             continue
-        if lost := each.lacking(
+        if lost := member.lacking(
             before, np.broadcast_to(before.any(axis=1, keepdims=True), before.shape)
         ):
-            yield key, f"at {each.state}, the limits leave no {lost}"
-        elif (tilt := each.tilt(before)) < MOST_TILT:
+            yield key, f"at {member.state}, the limits leave no {lost}"
+        elif (tilt := member.tilt(before)) < MOST_TILT:
             yield (
                 key,
                 f"the thrusters hold the weight up to a tilt of {np.degrees(tilt):.2g}° only; "
@@ -270,11 +275,11 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
             )
         if not failing:
             continue
-        after = each.left(failed=True)
-        when = f"from {each.fails.at:g} s on, the body cannot be held at {each.state}"
+        after = member.left(failed=True)
+        when = f"from {member.fails.at:g} s on, the body cannot be held at {member.state}"
         if after is None:
             yield (*key, "fails"), f"{when} by the thrusts that are left"
-        elif lost := each.lacking(after, np.asarray(before != 0)):
+        elif lost := member.lacking(after, np.asarray(before != 0)):
             yield (
                 (*key, "fails"),
                 f"{when}: no {lost} is left; a run settles only while nothing pushes",

@@ -80,11 +80,14 @@ class VehicleRuns:
             period, whitened = clock.every * vehicle.tick, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
-                each = sensor.drawn(random)
-                deviation = each.white_deviation(G, period)
+                sensor_of_run = sensor.drawn(random)
+                deviation = sensor_of_run.white_deviation(G, period)
                 if deviation is None:
                     break
-                errors, deviation = each.errors(G, count, period, random)[:, axes], deviation[axes]
+                errors, deviation = (
+                    sensor_of_run.errors(G, count, period, random)[:, axes],
+                    deviation[axes],
+                )
                 whitened.append(errors[:, deviation > 0] / deviation[deviation > 0])
             if len(whitened) == len(self.numbers) and whitened and whitened[0].size:
                 yield np.array(whitened)
@@ -518,7 +521,7 @@ def identity_rows(
 def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
     """Check every statement about solutions on the runs of every law."""
     checks = _of_kind(TrajectoryCheck)
-    rows = [check.check(each) for each in runs for check in checks if check.applies(each)]
+    rows = [check.check(run) for run in runs for check in checks if check.applies(run)]
     return _in_order(rows)
 
 
@@ -534,7 +537,10 @@ def _of_kind(kind: type[T]) -> list[T]:
 
 def _in_order(rows: list[Row]) -> list[Row]:
     """Sort rows by the paper's sections; laws keep their order."""
-    sections = {each.name: (each.section, each.name) for each in certificates.all()}
+    sections = {
+        certificate.name: (certificate.section, certificate.name)
+        for certificate in certificates.all()
+    }
     return sorted(rows, key=lambda row: sections[row.name])
 
 

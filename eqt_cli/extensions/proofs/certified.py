@@ -83,7 +83,7 @@ def _exact(x: Any) -> exact.Exact:
 
 
 def _values(numbers: Array) -> Array:
-    return entrywise(lambda each: exact.Exact.of(each).value, numbers)
+    return entrywise(lambda number: exact.Exact.of(number).value, numbers)
 
 
 def _matrices(loop: ClosedLoop, carried: int) -> Array:
@@ -105,7 +105,7 @@ def _matrices(loop: ClosedLoop, carried: int) -> Array:
     moving = exact.with_rate(entrywise(exact.Exact.of, 0 * x), x)
     rates = _rates(loop, carried, np.array(poses, dtype=object), Vd, Vd_dot, moving)
     slopes = exact.rate_of(rates)
-    if any(exact.Exact.of(each).degree for each in (*rates.flat, *slopes.flat)):
+    if any(exact.Exact.of(number).degree for number in (*rates.flat, *slopes.flat)):
         raise InputError("has errors whose equation is not rational, or branches")
     if _values(rates).any():
         raise InputError("does not stay on its reference")
@@ -327,7 +327,7 @@ def _prove(A: Sequence[Array], P: Array) -> tuple[Fraction | None, Array | None]
     float_rate = _own_rate(np.array(A, dtype=float), P)
     rate = Fraction(int(float_rate * (1 - SPARED / 10) * DIGITS), DIGITS)
     P = entrywise(lambda x: Fraction(round(x * DIGITS), DIGITS), P)
-    products = (P @ each + rate * P for each in A)
+    products = (P @ vertex + rate * P for vertex in A)
     is_proved = is_definite(P) and all(is_definite(-(M + M.T)) for M in products)
     return (rate, P) if is_proved and rate > 0 else (None, None)
 
@@ -563,7 +563,7 @@ def _numbers(label: str, loop: ClosedLoop) -> tuple[Any, ...]:
     if weights[1] + weights[2] != 1:
         off = float(weights[1] + weights[2] - 1)
         raise InputError(f"{none}L falls if c + n is 1, and here c + n − 1 is {off:.3g}")
-    if any((each != each[0, 0] * np.eye(3, dtype=int)).any() for each in (K, K_d)):
+    if any((gain != gain[0, 0] * np.eye(3, dtype=int)).any() for gain in (K, K_d)):
         raise InputError(f"{none}kp and kd must be multiples of the identity")
     if not isinstance(prove(sides_of_W, ExactStates(label, loop, np.random.default_rng(0))), Proof):
         raise InputError(f"{none}its torque is not the one of its weights")
@@ -583,8 +583,8 @@ def designed(law: Sequence[Any], corners: Array, top: float) -> tuple[float, Arr
     Ns, Ms = np.zeros((2, 16, 3, 3))
     Ns[1:10], Ms[10:] = np.eye(9).reshape(9, 3, 3), basis_of(3)
     V, T = forms_of_W(points[::30, :, None], corners[:, None], law, Ns, Ms)
-    pairs = (each.reshape(-1, 16, 6, 6) for each in np.broadcast_arrays(V, T))
-    V, T = (np.hstack([each[:, :1], each[:, 1:] - each[:, :1]]) for each in pairs)
+    pairs = (array.reshape(-1, 16, 6, 6) for array in np.broadcast_arrays(V, T))
+    V, T = (np.hstack([pair[:, :1], pair[:, 1:] - pair[:, :1]]) for pair in pairs)
     best, S = (0.0, Ns[0], Ms[0]), np.eye(6) + 0 * V[:, :1]
     for _ in range(PROGRAMS):
         lmis = [np.hstack([T + best[0] * V, S]), [[*-V[0], 0 * S[0, 0]]]]
@@ -609,7 +609,7 @@ def proved(
 
     The boxes are cubes whose centres and sides are floats without rounding. V grows with |x|.
     """
-    balls, end = [Ball.of(each) for each in law], process_time() + MOST_SECONDS
+    balls, end = [Ball.of(number) for number in law], process_time() + MOST_SECONDS
     N, M, origin = Ball.of(N), Ball.of(M), Ball.of(np.zeros((3, 1)))
     c, h, count = np.zeros((1, 3)), np.array([side := np.ceil(1024 * top + 1) / 1024]), 0
     is_open = bool(forms_of_W(origin, origin, balls, N, M)[0].is_positive())

@@ -126,7 +126,7 @@ def verify(
         "rows": result.records(),
         "code": code_answers,
     }
-    said = [each["answer"] for each in code_answers]
+    said = [code_answer["answer"] for code_answer in code_answers]
     print_findings(findings, *said, *_pieces(result, verbose=verbose), json=json)
     causes = said or result.causes(result.experiment.titles)
     only_complaints = causes if quiet and not json else []
@@ -135,7 +135,11 @@ def verify(
     if result.failed_runs:
         raise typer.Exit(3)
     worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
-    if any(each["finding"] in worst for each in code_answers) if fail_on else result.failures:
+    if (
+        any(code_answer["finding"] in worst for code_answer in code_answers)
+        if fail_on
+        else result.failures
+    ):
         raise typer.Exit(4)
 
 

@@ -589,7 +589,7 @@ def inverse(matrix: Array) -> Array:
     Its rate is −A⁻¹ȦA⁻¹.
     """
     stacked = matrix.reshape(-1, *matrix.shape[-2:])
-    return np.stack([_inverse(each) for each in stacked]).reshape(matrix.shape)
+    return np.stack([_inverse(matrix) for matrix in stacked]).reshape(matrix.shape)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -741,11 +741,11 @@ def _over(x: Exact, factors: Factors) -> tuple[WithRoots, int]:
 
 
 def _value(factors: Factors) -> Rational:
-    return prod(each.value**power for each, power in factors.items())
+    return prod(factor.value**power for factor, power in factors.items())
 
 
 def _degree(factors: Factors) -> int:
-    return sum(each.degree * power for each, power in factors.items())
+    return sum(factor.degree * power for factor, power in factors.items())
 
 
 def _off_zero(squares: Any) -> bool:

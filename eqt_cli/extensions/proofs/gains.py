@@ -160,17 +160,17 @@ class _Search:
         """
         from scipy.optimize import brentq  # slow to import
 
-        axes, each = self.law.axes, dict(zip(self.law.axes, shares.tolist(), strict=True))
+        axes, share_of = self.law.axes, dict(zip(self.law.axes, shares.tolist(), strict=True))
         powers = {key: p for key, p in self.powers().items() if p}
         ends = [(max(axes[key].low, 1e-4 * axes[key].high), axes[key].high) for key in powers]
-        p, share = np.array([*powers.values()]), np.array([each[key] for key in powers])
+        p, share = np.array([*powers.values()]), np.array([share_of[key] for key in powers])
         low, high = np.log(np.reshape(ends, (-1, 2))).T / p
         ratio = low - high[:1] + share * (high - low + high[:1] - low[:1])
         ratio[:1] = 0.0
 
         def at(s: float) -> dict[str, float]:
             gains = zip(powers, np.exp(p * np.clip(s + ratio, low, high)).tolist(), strict=True)
-            return {key: axis.at(each[key]) for key, axis in axes.items()} | dict(gains)
+            return {key: axis.at(share_of[key]) for key, axis in axes.items()} | dict(gains)
 
         def room(s: float) -> float:
             return self.room(at(s)) - ROOM

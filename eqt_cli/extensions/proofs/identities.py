@@ -437,7 +437,7 @@ def sides_of_W(sample: Sample) -> Iterator[tuple[Array, Array]]:
 
     x = 2 * sine(s) / (1 + np.trace(transpose(s.Qd) @ s.Q, axis1=-2, axis2=-1))[..., None]
     z = np.concatenate([sine(s), s.V_tilde], axis=-1)[..., None]
-    N, M = (u[..., None] * each[..., None, :] for each in (v, u))
+    N, M = (u[..., None] * vector[..., None, :] for vector in (v, u))
     numbers = weights_of(claimed_point(law) or (), k, k_d, s.inertia.matrix)
     forms = forms_of_W(x[..., None], s.Vd[..., None], numbers, N, M)
     for value, form in zip((W(s), rate_of(W(moving))), forms, strict=True):
@@ -628,16 +628,19 @@ class CriticalPoints(certificates.Identity):
         """The gradient there, and the eigenvalues of its derivative along the group."""
         G, K = sample.G, value_of(sample.loop.gains.K)[0]
         roundings = 16 * len(K) * UNIT * (np.linalg.cond(K) if sample.loop.task.is_whole else 1.0)
-        for each in critical_sets(G, K) or ():
-            Q = lifted(each.Q, roundings * np.abs(each.Q).max())
+        for critical_set in critical_sets(G, K) or ():
+            Q = lifted(critical_set.Q, roundings * np.abs(critical_set.Q).max())
             yield gradient(G, K, Q), np.zeros(G.dimension)
-            slopes = [rate_of(gradient(G, K, with_rate(Q, each.Q @ E))) for E in G.basis]
+            slopes = [rate_of(gradient(G, K, with_rate(Q, critical_set.Q @ E))) for E in G.basis]
             hessian, _ = value_of(stack(slopes))
             eigenvalues = np.linalg.eigvalsh((hessian + hessian.T) / 2)
             scale = np.abs(eigenvalues).max()
-            yield lifted(each.hessian, roundings * len(eigenvalues) * scale), eigenvalues
+            yield lifted(critical_set.hessian, roundings * len(eigenvalues) * scale), eigenvalues
             falls, flat = eigenvalues < -FLAT * scale, np.abs(eigenvalues) <= FLAT * scale
-            yield np.array([each.index, each.nullity]), np.array([falls.sum(), flat.sum()])
+            yield (
+                np.array([critical_set.index, critical_set.nullity]),
+                np.array([falls.sum(), flat.sum()]),
+            )
 
 
 class StabilisingControl(certificates.LiteralForm):

@@ -559,7 +559,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
     if linear.period is not None and delay is not None and np.isfinite(delay):
         periods = round(delay / linear.period)
     decided = largest.is_stable
-    doubts = (each.destabilises if decided else each.stabilises for each in omitted)
+    doubts = (omission.destabilises if decided else omission.stabilises for omission in omitted)
     return LawMargins(
         label,
         largest,
@@ -572,11 +572,11 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
         periods,
         is_least,
         linear.cycle,
-        [each.words for each in omitted],
+        [omission.words for omission in omitted],
         _filters(linear, loop),
         starts,
         gains,
-        tuple(_delay_of(each, growth(each.at_rest or each))[0] for each in lagging),
+        tuple(_delay_of(system, growth(system.at_rest or system))[0] for system in lagging),
     )
 
 
@@ -601,8 +601,8 @@ def _delay_of(linear: Linearised, largest: Growth) -> tuple[float | None, bool]:
     if len(linear.phases) > 1:
         return _delay_of_cycle(linear)
     [cut] = linear.phases
-    each = zip(cut.A, cut.B, cut.C, strict=True)
-    return min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each), False
+    matrices = zip(cut.A, cut.B, cut.C, strict=True)
+    return min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in matrices), False
 
 
 def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:

@@ -675,7 +675,9 @@ class Tracks(TrajectoryCheck):
             if fifths is None:
                 return self.undecided(runs, f"{len(runs.times)} samples are too few")
             endings[name] = fifths.left, *self._ending(runs, errors, near, fifths)
-        left, worst, _ = max(endings.values(), key=lambda each: (_WORSE.index(each[1]), each[0]))
+        left, worst, _ = max(
+            endings.values(), key=lambda ending: (_WORSE.index(ending[1]), ending[0])
+        )
         both = ", ".join(f"{name} {ratio:.2g}" for name, (ratio, *_) in endings.items())
         doubts = dict.fromkeys(why for _, verdict, why in endings.values() if verdict is worst)
         remark = joined(both, *doubts, runs.remark)
@@ -801,8 +803,8 @@ class MomentumBalance(LargestExcess):
         if vehicle.wheels and vehicle.magnet:
             [name] = [x.name for x in now.blocks.actuated if x.part is vehicle.magnet]
             force = force + now[f"{name}.at"].output(G, 0.0 * s.V, s.V)
-        for each in vehicle.forces:
-            force = force + each.in_body(G, s.t, s.Q, s.V)
+        for load in vehicle.forces:
+            force = force + load.in_body(G, s.t, s.Q, s.V)
         force = force + vehicle.inertia_at(s).leaving(s.V)
         fine = ORDERS[-1]
         starts = range(1, len(times) - 1, fine + 1)  # without the ends of the horizon

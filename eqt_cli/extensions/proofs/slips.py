@@ -44,7 +44,7 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     yield from _unread_momentum(experiment)
     yield from (slips := [*_of_another_unit(experiment)])
     wrong = {key[1] for key, _ in slips}  # with such numbers, what is left means nothing
-    yield from (each for each in on_authority(experiment, shown) if each[0][1] not in wrong)
+    yield from (remark for remark in on_authority(experiment, shown) if remark[0][1] not in wrong)
 
 
 def _behind_the_end(experiment: Experiment) -> Placed:
@@ -113,15 +113,15 @@ def _of_another_unit(experiment: Experiment) -> Placed:
     for index, part in enumerate(experiment.vehicle.actuators):
         if part.name == "wheels":
             yield from _of_wheels((ACTUATORS, index), part, inverse)
-    for each in members_of(experiment):
-        key: KeyPath = (ACTUATORS, each.index)
-        written: Any = (written_parts or ())[each.index]
-        if each.part.name == "wheels":
+    for member in members_of(experiment):
+        key: KeyPath = (ACTUATORS, member.index)
+        written: Any = (written_parts or ())[member.index]
+        if member.part.name == "wheels":
             continue
-        low, high = each.limits(failed=False)
-        pushes = np.asarray(each.part.matrix) * np.maximum(np.abs(low), np.abs(high))
-        rates = np.hypot.reduce(each.wanted @ inverse @ pushes, axis=-1)  # squares may overflow
-        for name, rate in zip(each.names, rates, strict=True):
+        low, high = member.limits(failed=False)
+        pushes = np.asarray(member.part.matrix) * np.maximum(np.abs(low), np.abs(high))
+        rates = np.hypot.reduce(member.wanted @ inverse @ pushes, axis=-1)  # squares may overflow
+        for name, rate in zip(member.names, rates, strict=True):
             most = FASTEST[name.partition(" ")[0]]
             if rate > most:
                 unit = "rad/s²" if "torque" in name else "m/s²"

@@ -372,8 +372,8 @@ class _Verifier:
             if isinstance(law := loop.controller, RunsCode):
                 random, flown = _random(self.experiment, index, Stream.CODE), self.flown.get(label)
                 rows += law.judged(label, loop, horizon, random, flown)
-        failed = sum(each.failed for each in runs)
-        count = sum(each.count for each in runs) + failed
+        failed = sum(run.failed for run in runs)
+        count = sum(run.count for run in runs) + failed
         small = gains_flown(self.experiment)
         departing = {label: x.departs for label, x in small.items() if x.departs}
         return Verification(rows, count, failed, self.experiment, list(self.engines), departing)

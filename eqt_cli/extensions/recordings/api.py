@@ -274,8 +274,8 @@ def log_errors(
         # One mapping of a log and a table is that of the table, but for the rows to leave out
         drop = LogMapping(drop=_mapping_from(mapping)[0].drop)
         flight, other = (x and x._replace(mapping=drop) for x in (flight, other))
-    for each in filter(None, (flight, other)):
-        rest = replace(each.mapping, columns={}, drop=[], world=None, body=None)
+    for source in filter(None, (flight, other)):
+        rest = replace(source.mapping, columns={}, drop=[], world=None, body=None)
         if replace(rest, time=replace(rest.time, begin=None, end=None)) != LogMapping():
             keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
             raise EqtError(f"mapping: of a log, errors take only {keys}")
@@ -291,7 +291,7 @@ def log_errors(
         spans = logs.spans_of(flight, disarmed)
     known, wanted = _chosen(measured, goals, second is None and setpoint is None)
     begins = [t for series in known.values() for t in series.times[:1]]
-    span = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
+    span = [_instant(*bound, begins) for bound in (("begin", begin), ("end", end))]
     errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, parts, span)
     errors = errors._replace(flight=flight)
     if out is not None:
@@ -338,7 +338,10 @@ def _series(
             return {quantity: [series] for quantity, series in motions.items()}
     kinds, topics = [of], flight.topics
     if topic is not None:
-        kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]
+        kinds, topics = (
+            [of, "", " setpoint"],
+            [candidate for candidate in topics if candidate.name == topic],
+        )
         topics = topics or list(filter(None, [frames.composed(flight.topics, topic)]))
         if not topics:
             raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")

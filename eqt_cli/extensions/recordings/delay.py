@@ -61,7 +61,7 @@ class Pair(NamedTuple):
         """Return times, measured and wanted numbers where both are known."""
         measured, goal = self.at(delay, how)
         both = np.isfinite(measured).all(axis=1) & np.isfinite(goal).any(axis=1)
-        return [each[both] for each in (self.base.times, measured, goal)]
+        return [column[both] for column in (self.base.times, measured, goal)]
 
     def rate(self, delay: Array | float, width: float) -> Array:
         """Return the velocity of the interpolated series, its mean over some time."""
@@ -115,7 +115,7 @@ def delay_of(pair: Pair, body: Any = None) -> Delay:
     from scipy.stats import t as student  # slow to import
 
     grid = np.arange(-MOST_DELAY, MOST_DELAY + STEP / 2, STEP)
-    times, numbers = (each[:: 1 + len(each) // MOST_ROWS] for each in pair.base[1:3])
+    times, numbers = (rows[:: 1 + len(rows) // MOST_ROWS] for rows in pair.base[1:3])
     many = np.tile(times, len(grid)), np.tile(numbers, (len(grid), 1))
     tiled = pair._replace(base=pair.base._replace(times=many[0], numbers=many[1]))
     compared = apart(*tiled.at(np.repeat(grid, len(times)))).reshape(len(grid), len(times), -1)

@@ -95,7 +95,7 @@ def composed(topics: list[Any], name: str) -> Any:
         t, s = (times - stamps[0]) / 1e9, (stamps - stamps[0]) / 1e9
         x, q = np.split(np.stack([link.fields[key][rows] for key in TRANSFORM], axis=-1), [3], 1)
         turn = Slerp(s, turns(q))(t) if len(s) > 1 else turns(q)
-        p = np.column_stack([np.interp(t, s, each) for each in x.T]) + turn.apply(p)
+        p = np.column_stack([np.interp(t, s, column) for column in x.T]) + turn.apply(p)
         R = turn * R
     numbers = dict(zip(TRANSFORM, [*p.T, *R.as_quat(scalar_first=True).T], strict=True))
     return path[0]._replace(name=name, rows=len(times), times=times, fields=numbers)

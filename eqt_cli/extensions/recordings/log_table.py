@@ -54,7 +54,7 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     units = units_of(name)
     if not unit or (unit == NORMALISED and units in (("N m",), ("N",))):
         return 1.0
-    ratio = next(filter(None, (factor(unit, each) for each in units)), None)
+    ratio = next(filter(None, (factor(unit, choice) for choice in units)), None)
     if ratio is not None:
         return ratio
     expected = " or ".join(map(offered, units)) if units else "no unit"
@@ -175,7 +175,9 @@ class LogTable(pose_tables.Table):
     def free_of(self, drop: Collection[pose_tables.Dropped]) -> Self:
         """Return the table without any row of some kinds."""
         table = self
-        for kind in (each for each in get_args(pose_tables.Dropped) if each in drop and len(table)):
+        for kind in (
+            choice for choice in get_args(pose_tables.Dropped) if choice in drop and len(table)
+        ):
             t = table.columns.get("t", np.arange(len(table)))
             mask = np.r_[True, t[1:] > np.maximum.accumulate(t)[:-1]]
             if kind == "repeated":
@@ -429,7 +431,7 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
         if name in used:
             factor_of(name, unit, ("units", name))
         in_header = units.get(name) or unit
-        if in_header != unit and any(factor(in_header, each) for each in units_of(name)):
+        if in_header != unit and any(factor(in_header, unit) for unit in units_of(name)):
             raise MappingError(
                 ("units", name),
                 f"the header of {sheet.name} says {in_header} for {name}, got {unit}; remove one",
@@ -481,7 +483,7 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
             f"`quaternion: wxyz` if it is {numbered[0]}, `quaternion: xyzw` if it is {numbered[3]}",
         )
     order = dict(zip(numbered, (f"q{axis}" for axis in mapping.quaternion), strict=True))
-    return [order.get(each, each) for each in names]
+    return [order.get(column, column) for column in names]
 
 
 def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
@@ -498,7 +500,7 @@ def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> She
     names = list(_WITHOUT_HEADER[form])
     if mapping.quaternion is not None:
         parts = iter(f"q{axis}" for axis in mapping.quaternion)
-        names = [next(parts) if each in pose_tables.QUATERNION else each for each in names]
+        names = [next(parts) if column in pose_tables.QUATERNION else column for column in names]
     if lines:
         count = len(_entries(lines[0], delimiter))
         if count < MIN_ENTRIES or (count > MIN_ENTRIES and not is_euroc):

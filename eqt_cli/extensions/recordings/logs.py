@@ -170,9 +170,11 @@ class Flight(NamedTuple):
         whole
             Whether all numbers of a row must be known.
         """
-        bodies = [each for each in self.topics if not _CORRECTION.search(each.name)]
+        bodies = [candidate for candidate in self.topics if not _CORRECTION.search(candidate.name)]
         for source in sources_of(self.format):
-            for topic in (each for each in bodies or self.topics if each.kind == source.kind):
+            for topic in (
+                candidate for candidate in bodies or self.topics if candidate.kind == source.kind
+            ):
                 named = self.by_names and "/" in topic.kind and _SETPOINTS.search(topic.name)
                 fits = quantity == source.quantity + (" setpoint" if named else "")
                 if fits and {*source.fields.split()} <= {*topic.fields}:
@@ -316,7 +318,7 @@ def flight_of(path: Path) -> Flight:
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
         for k, (*facts, note, names, more) in enumerate(json.loads(arrays["head"].tobytes())):
-            fields = {each: arrays[f"{k},{j}"] for j, each in enumerate(names)}
+            fields = {column: arrays[f"{k},{j}"] for j, column in enumerate(names)}
             rest: Any = arrays[f"{k}"], fields, note, more
             topics.append(Topic(*facts, *rest))
     return Flight(str(path), format, topics)
@@ -325,7 +327,7 @@ def flight_of(path: Path) -> Flight:
 def flight_of_table(text: str, name: str) -> Flight | None:
     """Return the rates and their setpoints in a table of Betaflight; None for another table."""
     sheet = open_sheet(text, name, "csv", LogMapping())
-    used = [each for source in sources_of("blackbox") for each in source.fields.split()]
+    used = [field for source in sources_of("blackbox") for field in source.fields.split()]
     if not {"t", *used} <= {*sheet.names}:
         return None
     table = with_units(sheet, LogMapping(drop=["invalid"]), ["t", *used]).table(["t", *used])
@@ -391,12 +393,12 @@ def table_of(flight: Flight) -> str:
         for k, series in enumerate(used):
             is_first = not k and series.axes == lead.axes and series.unit != "normalised"
             names = COLUMNS[name].split() if is_first else series.fields
-            headings += [f"{each} ({series.unit})" if series.unit else each for each in names]
+            headings += [f"{column} ({series.unit})" if series.unit else column for column in names]
             numbers, is_valid = _at_rows(series, lead, "held" if name in WRENCH else "linear")
             columns += [*numbers.T]
             if is_first and name not in WRENCH:
                 is_complete = is_complete & is_valid
-    for topic in (each for each in flight.topics if each.name == lead.topic):
+    for topic in (candidate for candidate in flight.topics if candidate.name == lead.topic):
         if len(recorded := topic.fields.get("recorded", ())) == len(rows):
             headings.append(f"{lead.topic} recorded (s)")  # where the header has another time
             columns.append(recorded[rows])
@@ -404,7 +406,7 @@ def table_of(flight: Flight) -> str:
     if not len(table):
         names = [name for name, every in series_by_name.items() if every and name not in WRENCH]
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
-    damaged = any(each.kind == "damaged" for each in flight.topics)
+    damaged = any(candidate.kind == "damaged" for candidate in flight.topics)
     parts = [log_table.DAMAGED if damaged else log_table.CONVERTED, "\n", ",".join(headings), "\n"]
     row_format = ",".join("%.9f" if x.endswith("(s)") else "%r" for x in headings) + "\n"
     for first in range(0, len(table), CHUNK):
@@ -431,11 +433,11 @@ def _lead(flight: Flight, poses: list[Series]) -> Series | None:
         If there are no poses at all.
     """
     if poses:
-        return next((each for each in poses if not each.is_odd), poses[0])
+        return next((pose for pose in poses if not pose.is_odd), poses[0])
     if flight.by_names:
         return None
     kinds = dict.fromkeys(s.kind for s in sources_of(flight.format) if s.quantity in _POSES)
-    why = "".join(f"; {each.name}: {each.note}" for each in flight.topics if each.note)
+    why = "".join(f"; {topic.name}: {topic.note}" for topic in flight.topics if topic.note)
     raise InputError(f"{flight.name}: holds no poses; expected {' or '.join(kinds)}{why}")
 
 
@@ -721,9 +723,11 @@ def motions_of(log: Log) -> dict[str, Series]:
     if G.columns:
         numbers["position"] = G.translations(one.poses)[..., 0]
         numbers["velocity"] = apply_matrix(R, V[:, -3:])
-    known = {name: each for name, each in numbers.items() if np.isfinite(each).all()}
+    known = {name: values for name, values in numbers.items() if np.isfinite(values).all()}
     times, odd = own_times(log), left_out(log.table)
-    return {quantity: Series(name, times, each, left_out=odd) for quantity, each in known.items()}
+    return {
+        quantity: Series(name, times, values, left_out=odd) for quantity, values in known.items()
+    }
 
 
 def own_times(log: Log) -> Array:

@@ -505,7 +505,9 @@ def prediction_errors(
         states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
         stretches = [loop.layout.slices[VEHICLE + name] for name in loop.vehicle.states(G)]
         places = np.r_[*stretches, :0]
-        states[:, places] = np.array([each(float(times[0])) for each in before])[loop_of_run]
+        states[:, places] = np.array([function(float(times[0])) for function in before])[
+            loop_of_run
+        ]
         problem = replace(problem, states=states)
         solution = engine.solve(problem)
         if solution.status.any():
@@ -593,11 +595,11 @@ def intervals(fits: Sequence[Linear]) -> Array:
 
     lengths = norm(np.concatenate([one.derivatives for one in fits]).T)
     J = [one.derivatives / lengths for one in fits]
-    A = np.array([each.T @ each for each in J])
+    A = np.array([jacobian.T @ jacobian for jacobian in J])
     inverse, root = np.linalg.inv(A.sum(axis=0)), _power(A, 0.5)
     free = np.eye(len(inverse)) - root @ inverse @ root
     C = inverse @ root @ _power(free, -0.5) @ _power(A, -0.5)  # A⁻¹u_w = C_w J_wᵀr_w
-    pulls = np.array([each.T @ one.residuals for each, one in zip(J, fits, strict=True)])
+    pulls = np.array([jacobian.T @ one.residuals for jacobian, one in zip(J, fits, strict=True)])
     sizes = norm((C @ pulls[..., None])[..., 0].T)
     # Covariances of the terms, (p, windows, windows), if all errors are white.
     diagonal = np.einsum("wki,wij,wkj->kw", C, A, C)
@@ -627,9 +629,9 @@ def correlated(fits: Sequence[Linear], windows: Windows) -> Iterator[str]:
     said = []
     for name, _, axes in windows.parts:
         columns = (axes.start <= measured) & (measured < axes.stop)
-        some = [each[:, columns] for each in rows]
-        pairs = sum(float((each[1:] * each[:-1]).sum()) for each in some)
-        lag = pairs / (sum(float((each**2).sum()) for each in some) or 1.0)
+        some = [row[:, columns] for row in rows]
+        pairs = sum(float((series[1:] * series[:-1]).sum()) for series in some)
+        lag = pairs / (sum(float((series**2).sum()) for series in some) or 1.0)
         count = min(sum(map(len, some)), len(windows.recording.times)) * int(columns.sum())
         if lag > CORRELATED / np.sqrt(count):
             said.append(f"{name} ({lag:.2f})")

@@ -70,12 +70,12 @@ def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -
     from pyulog import ULog
 
     log = ULog(path)
-    for each in log.data_list:
-        name, kind = f"{each.name} {each.multi_id}", ""
-        if each.multi_id == 0:
-            name = kind = each.name
-        numbers = {key: np.asarray(x, float) for key, x in each.data.items() if kind in wanted}
-        yield Topic(name, kind, len(each.data["timestamp"]), _since_boot(numbers), numbers)
+    for dataset in log.data_list:
+        name, kind = f"{dataset.name} {dataset.multi_id}", ""
+        if dataset.multi_id == 0:
+            name = kind = dataset.name
+        numbers = {key: np.asarray(x, float) for key, x in dataset.data.items() if kind in wanted}
+        yield Topic(name, kind, len(dataset.data["timestamp"]), _since_boot(numbers), numbers)
     facts = {"release": log.get_version_info_str(), "hardware": log.msg_info_dict.get("ver_hw")}
     facts = {name: fact for name, fact in facts.items() if fact is not None}
     settings = [(0.0, *fact) for fact in (facts | log.initial_parameters).items()]
@@ -99,13 +99,13 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) ->
         store.register(get_types_from_msg(f"{SINGLE.replace('/msg', '')}[] transforms", MANY))
     with (rosbags.rosbag1 if old else rosbags.rosbag2).Reader(Path(path)) as reader:
         publishers: dict[tuple[str, str], list[Any]] = {}
-        for each in reader.connections:
-            publishers.setdefault((each.topic, each.msgtype), []).append(each)
+        for connection in reader.connections:
+            publishers.setdefault((connection.topic, connection.msgtype), []).append(connection)
         for every in publishers.values():
             one = every[0]
             px4 = re.sub(r"\B([A-Z])", r"_\1", one.msgtype.rpartition("/")[2]).lower()
             kind = px4 if one.msgtype.startswith("px4_msgs") else one.msgtype
-            count = sum(each.msgcount for each in every)
+            count = sum(connection.msgcount for connection in every)
             topic = Topic(one.topic, kind, count, np.empty(0, int), {})
             note = ""
             try:
@@ -153,9 +153,11 @@ def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
     """Return the transforms of each pair of frames, which one topic mixes."""
     pairs = dict[str, list[Any]]()
     for time, message in messages:
-        for each in message.transforms:
-            frames = (x.removeprefix("/") for x in (each.header.frame_id, each.child_frame_id))
-            pairs.setdefault(f"{topic} {'.'.join(frames)}", []).append((time, each))
+        for transform in message.transforms:
+            frames = (
+                x.removeprefix("/") for x in (transform.header.frame_id, transform.child_frame_id)
+            )
+            pairs.setdefault(f"{topic} {'.'.join(frames)}", []).append((time, transform))
     return pairs
 
 
@@ -210,7 +212,7 @@ def _differs(one: Any, store: Any) -> str:
     types |= get_types_from_idl(text) if form == Form.IDL else {}
     for name, (_, fields) in types.items():
         sides = (store.fielddefs.get(name, (0, ()))[1], fields)
-        eqt_fields, here = ([(each.lower(), kind) for each, kind in side] for side in sides)
+        eqt_fields, here = ([(field.lower(), kind) for field, kind in side] for side in sides)
         if eqt_fields != here:
             return f"the file defines {name} otherwise than eqt knows it"
     return ""
@@ -281,7 +283,7 @@ def main(path: str, format: str, seconds: str) -> None:
             soft = math.ceil(process_time() + float(seconds))
             resource.setrlimit(resource.RLIMIT_CPU, (soft, most))
         topics = list(reader(path, *json.load(sys.stdin)))
-    head = [[*each[:3], each.note, [*each.fields], each.settings] for each in topics]
+    head = [[*record[:3], record.note, [*record.fields], record.settings] for record in topics]
     arrays = {f"{k}": topic.times for k, topic in enumerate(topics)}
     for k, topic in enumerate(topics):
         arrays |= {f"{k},{j}": x for j, x in enumerate(topic.fields.values())}

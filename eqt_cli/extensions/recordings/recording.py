@@ -73,7 +73,7 @@ def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedCo
 
 def recorded_names(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
     """Return the names of all columns of some kinds."""
-    return [name for each in recorded_columns(G) if each.kind in kinds for name in each.names]
+    return [name for column in recorded_columns(G) if column.kind in kinds for name in column.names]
 
 
 def require_pose(
@@ -85,7 +85,7 @@ def require_pose(
     """
     if time and "t" not in sheet.names:
         alias = next(
-            (each for each in sheet.names if each.lower() in log_table.LOOKS_LIKE["t"]), None
+            (header for header in sheet.names if header.lower() in log_table.LOOKS_LIKE["t"]), None
         )
         hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
@@ -245,10 +245,10 @@ def read_log(
     sheet = log_table.open_sheet(text, name, form, mapping)
     columns = require_pose(sheet, G, mapping, True)
     others = set(sheet.names) - set(columns.names)
-    recorded = [each for each in recorded_columns(G) if set(each.names) <= others]
+    recorded = [column for column in recorded_columns(G) if set(column.names) <= others]
     rotors = sorted(int(name[1:]) for name in others if re.fullmatch(r"n[1-9]\d*", name))
     speeds = [f"n{k}" for k in rotors]
-    used = ["t", *columns.names, *(name for each in recorded for name in each.names), *speeds]
+    used = ["t", *columns.names, *(name for column in recorded for name in column.names), *speeds]
     sheet = log_table.with_units(sheet, mapping, used)
     table, times = _timed(sheet.table(used), form, mapping)
     sheet = replace(sheet, lines=[])  # frees memory of the size of the file
@@ -257,7 +257,7 @@ def read_log(
         longest = GAP * np.median(steps) if len(steps) > 2 else np.inf
     missing = times[:-1][steps > longest]
     if mapping.time.rate is not None:
-        held = {*speeds}.union(*(each.names for each in recorded if each.kind in WRENCH))
+        held = {*speeds}.union(*(column.names for column in recorded if column.kind in WRENCH))
         table, times = _resampled(table, times, mapping.time.rate, held)
     return Log(sheet, table, columns, times, recorded, G, mapping, missing, speeds)
 

@@ -99,7 +99,9 @@ def _advice(
     if not fitting:
         advice = "check the columns, the units and the times"
         return f"{differ}, and no other frame, sign or order makes them fit; {advice}"
-    fit, words = min(fitting, key=lambda each: round(each[0].shape, 3))  # of equals, the simplest
+    fit, words = min(
+        fitting, key=lambda candidate: round(candidate[0].shape, 3)
+    )  # of equals, the simplest
     if fit.difference <= FITS:
         return f"{differ}, and with {words} by {100 * fit.difference:.0f} %; correct the mapping"
     return f"{differ}; with {words} they are {_of_factor(kind, fit.factor)}"
@@ -221,8 +223,10 @@ another one gives less than the second."""
 def incomplete_columns(names: Collection[str]) -> Iterator[str]:
     """Describe each rotation and position that has some of its columns, but not all."""
     for complete in (QUATERNION, EULER, ("x", "y", "z")):
-        present = [each for each in complete if each in names]
-        if present and (missing := ", ".join(each for each in complete if each not in present)):
+        present = [column for column in complete if column in names]
+        if present and (
+            missing := ", ".join(column for column in complete if column not in present)
+        ):
             yield f"column {missing} is missing, so {', '.join(present)} cannot be used"
 
 
@@ -248,7 +252,7 @@ def notes(log: Log) -> Iterator[str]:
                 )
     yield from _times(log)
     normalised = [name for name, unit in log.sheet.units.items() if unit == NORMALISED]
-    if named := ", ".join(each for each in normalised if each in log.table.columns):
+    if named := ", ".join(column for column in normalised if column in log.table.columns):
         yield f"{named}: normalised; the actuator `scale` gives their unit, or fit finds it"
     yield from misfits(log)
     yield from _start(log)

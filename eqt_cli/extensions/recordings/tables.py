@@ -93,7 +93,7 @@ def with_commas(text: str, path: Path) -> str:
     if apart != ",":
         if marks := {*re.findall(r"\d([.,])(?=\d)", rows)}:
             commas = {*re.findall(r"(?<![\d,.])-?\d+,\d+(?![\d,.])", rows)} if "," in marks else {}
-            thousands = all(re.fullmatch(r"-?[1-9]\d{0,2},\d{3}", each) for each in commas)
+            thousands = all(re.fullmatch(r"-?[1-9]\d{0,2},\d{3}", cell) for cell in commas)
             if len(marks) > 1 or (commas and thousands) or ("," in marks and not commas):
                 raise InputError(
                     f"{path}: numbers have commas that can separate decimals or thousands; save "

@@ -156,7 +156,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "times": _rounded(shown.times[samples]),
         "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
         "bodies": [_course(*body, samples, shown) for body in zip(*shown.body, strict=True)],
-        "thrusts": [[_rounded(now.ravel()) for now in each[samples]] for each in shown.thrusts],
+        "thrusts": [[_rounded(now.ravel()) for now in thrust[samples]] for thrust in shown.thrusts],
         "reference": _course(*shown.reference, samples, shown),
         "moves": shown.has_translation,
         "length": scene.length,

@@ -150,7 +150,7 @@ def _thrusts(
         thrust = np.repeat(force[..., None, None], len(at), axis=-2)
     else:
         return np.empty((len(shown), len(results.times), 0, 2, 3))
-    at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
+    at, thrust = (vectors / (np.nanmax(np.abs(vectors)) or 1.0) for vectors in (at, thrust))
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)
 
@@ -260,7 +260,7 @@ def scene_of(motion: Motion) -> Scene:
     length = _BODY * extent or 1.0
     centre = ends[stays].mean(axis=(0, 1)) @ camera()
     reach = _WHOLE * extent + length if extent else _CLOSE * length
-    lowest = min(float(np.nanmin(each[..., 2])) for each in (body[stays], target))
+    lowest = min(float(np.nanmin(position[..., 2])) for position in (body[stays], target))
     marks = length * np.arange(-np.ceil(_SIGHTS * reach / length), _SIGHTS * reach / length + 1)
     lines = np.array([[(at, marks[0], 0.0), (at, marks[-1], 0.0)] for at in marks])
     ground = np.concatenate([lines, lines[..., [1, 0, 2]]])
@@ -338,14 +338,14 @@ def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
     colours[colours.min(axis=1) >= _PAPER] = 255  # make the paper exactly white
     palette.putpalette(colours.ravel().tolist())
     reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    each = max(20, 10 * round(milliseconds / 10))
+    duration = max(20, 10 * round(milliseconds / 10))
     buffer = BytesIO()
     reduced[0].save(
         buffer,
         format="GIF",
         save_all=True,
         append_images=reduced[1:],
-        duration=[each] * (len(reduced) - 1) + [each + _PAUSE],
+        duration=[duration] * (len(reduced) - 1) + [duration + _PAUSE],
         loop=0,
         optimize=True,
         comment=f"eqt {__version__}".encode(),

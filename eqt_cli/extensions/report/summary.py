@@ -376,7 +376,7 @@ def _head(metric: str, name: str) -> Document:
 
 def facts(result: Result, author: str = "", date: str = "") -> list[str]:
     """Return what the line below the title says of an experiment, piece by piece."""
-    keys = listed([each.key for each in result.swept_keys] or ["nothing"])
+    keys = listed([swept_key.key for swept_key in result.swept_keys] or ["nothing"])
     lasting = f" of {result.horizon:g} s" if result.horizon else ""
     solver, version = _used(result.config.get("solver") or {}), result.provenance.get("eqt")
     failed = len(result.failures)

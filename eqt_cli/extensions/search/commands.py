@@ -141,8 +141,10 @@ def _runs_line(search: Searches[Any]) -> str:
     """Return the line with the runs that a search will take, and what they are for."""
     runs = output.count_of(search.base.config.ensemble.runs, "run")
     cases = len(search.in_cases(search.laws[0]))
-    each = f"{runs} in each of {cases} cases" if cases > 1 else runs
-    sought = f"{search.searched_runs} ({each} at each point), and " if search.searched_runs else ""
+    at_point = f"{runs} in each of {cases} cases" if cases > 1 else runs
+    sought = (
+        f"{search.searched_runs} ({at_point} at each point), and " if search.searched_runs else ""
+    )
     return f"runs     {sought}at most {search.judging_runs} {search.judging}"
 
 

@@ -61,4 +61,4 @@ def _of_samples(
     rows = ratios.answer_record(pairs)
     document = {"objectives": record["objectives"], "samples": record["samples"], "pairs": rows}
     tables = [replace(table, notes=notes), ratios.spending_table(result, record, write)]
-    return document, rows, [each for each in tables if each.blocks]
+    return document, rows, [candidate for candidate in tables if candidate.blocks]

@@ -225,7 +225,9 @@ def _slug(label: str, taken: Sequence[str]) -> str:
     """Return a file name for a label that differs from the names already taken."""
     slug = files.file_name(label, "law")
     numbered = (f"{slug}-{number}" for number in count(2))
-    return next(each for each in chain([slug], numbered) if not errors.alike(each, taken))
+    return next(
+        candidate for candidate in chain([slug], numbered) if not errors.alike(candidate, taken)
+    )
 
 
 def _start(data: Mapping[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:

@@ -136,7 +136,7 @@ class Tried:
 
     def joined(self, more: Tried) -> Tried:
         """Return these points and more of them."""
-        names = (each.name for each in fields(self))
+        names = (field.name for field in fields(self))
         return Tried(*(np.concatenate([getattr(x, name) for x in (self, more)]) for name in names))
 
     def excess(self, bounds: Sequence[Constraint]) -> Array:

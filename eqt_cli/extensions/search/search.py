@@ -313,7 +313,7 @@ def evolve(
         scores = stored_scores(path, points)
         if scores is None:
             scores = _scored(search, law, points, executor, tried=number > 0)
-            arrays = {each.name: getattr(scores, each.name).tolist() for each in fields(scores)}
+            arrays = {field.name: getattr(scores, field.name).tolist() for field in fields(scores)}
             with files.refusals(folder.path, "used", OTHER_FOLDER):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 files.write_record(path, {"shares": points.tolist(), **arrays})
@@ -336,7 +336,7 @@ def _scored(
     cases = search.in_cases(law).values()
     studies = [study(swept(case, columns(case, shares))) for case in cases]
     numbers = computed(studies, search.scored_metrics, executor, tried=tried)
-    return search.over_cases([search.scores(each) for each in numbers])
+    return search.over_cases([search.scores(number) for number in numbers])
 
 
 def stored_scores(path: Path, shares: Array | None = None) -> Scores | None:
@@ -345,7 +345,7 @@ def stored_scores(path: Path, shares: Array | None = None) -> Scores | None:
         record = files.read_record(path, "shares")
     if record is None or (shares is not None and not np.array_equal(record["shares"], shares)):
         return None
-    return Scores(*(np.array(record[each.name], dtype=float) for each in fields(Scores)))
+    return Scores(*(np.array(record[field.name], dtype=float) for field in fields(Scores)))
 
 
 def _tried(
@@ -465,9 +465,9 @@ class Searched(InNotebook, os.PathLike[str]):
             names = [f"{name}_in_search" for name in names]
         outcomes = [one for law in self.record["laws"] for one in law.get("winners", [law])]
         return [
-            {"law": each["label"], **each["values"]}
-            | dict(zip(names, each.get("objectives") or [each["value"]], strict=True))
-            for each in outcomes
+            {"law": outcome["label"], **outcome["values"]}
+            | dict(zip(names, outcome.get("objectives") or [outcome["value"]], strict=True))
+            for outcome in outcomes
         ]
 
 

@@ -260,8 +260,8 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
         )
     if cases := record["cases"]:
         worst = "from the case in which the mean over all runs is worst"
-        each = worst if record["over_cases"] == "worst" else "the mean over the cases"
-        yield f"Over the cases {listed(cases)}: each number is {each}."
+        meaning = worst if record["over_cases"] == "worst" else "the mean over the cases"
+        yield f"Over the cases {listed(cases)}: each number is {meaning}."
     yield from _counted(result, result.labels if of is None else of)
 
 

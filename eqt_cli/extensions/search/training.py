@@ -167,14 +167,14 @@ def _name(key: Training) -> str:
 
 
 def _written(tried: Tried) -> dict[str, Any]:
-    return {each.name: getattr(tried, each.name).tolist() for each in fields(tried)}
+    return {field.name: getattr(tried, field.name).tolist() for field in fields(tried)}
 
 
 def _read(record: Any, points: Array) -> Tried | None:
     """Return what a file holds of these very points; None if it holds no such thing."""
     if record is None:
         return None
-    arrays = {each.name: np.array(record[each.name], dtype=float) for each in fields(Tried)}
+    arrays = {field.name: np.array(record[field.name], dtype=float) for field in fields(Tried)}
     if not np.array_equal(arrays["shares"], points):
         return None
     return Tried(**arrays | {"measured": arrays["measured"].reshape(len(points), -1)})
@@ -208,7 +208,7 @@ def _run(
 def _judged(search: Sampled, points: Array, cases: Sequence[Numbers], *, worst: bool) -> Tried:
     """Return how good points are, over the cases."""
     scored = [_measured(search, case) for case in cases]
-    (costs, measured, lost, unsettled) = (np.array(each) for each in zip(*scored, strict=True))
+    (costs, measured, lost, unsettled) = (np.array(column) for column in zip(*scored, strict=True))
     held = []
     for bound, column in zip(search.bounds, np.moveaxis(measured, -1, 0), strict=True):
         if bound.equal:  # over the cases; others hold in each
@@ -233,7 +233,7 @@ def _measured(search: Sampled, numbers: Numbers) -> tuple[Array, Array, Array, A
     names = dict.fromkeys([objective, *(bound.metric for bound in search.bounds)])
     values = {name: numbers.counted(name)[:, 0] for name in names}
     complete = np.isfinite([*values.values()]).all(axis=0)
-    values = {name: np.where(complete, each, np.nan) for name, each in values.items()}
+    values = {name: np.where(complete, value, np.nan) for name, value in values.items()}
     cost = quantity_of(objective).cost(mean_over_runs(values[objective]))
     bounded = [_bounded(bound, values[bound.metric]) for bound in search.bounds]
     settling = numbers.metric("settling_time")[:, 0]

@@ -100,8 +100,8 @@ class Search(Searches[TuneSection]):
         """Largest number of points of all searches for all laws."""
         if self.seeks_front:
             return super().points
-        each = sum(self.budget if law.axes else 1 for law in self.laws)
-        return each * len(self.samples)
+        points = sum(self.budget if law.axes else 1 for law in self.laws)
+        return points * len(self.samples)
 
     @property
     def size(self) -> list[str]:
@@ -164,8 +164,8 @@ class Search(Searches[TuneSection]):
         """Largest number of held-out runs of all winners and starting gains."""
         section = self.section
         winners = self.evolution[1] if self.seeks_front else max(1, len(self.samples))
-        each = section.confirm.runs * len(self.in_cases(self.laws[0]))
-        return len(self.laws) * (winners + 1) * each
+        held_out = section.confirm.runs * len(self.in_cases(self.laws[0]))
+        return len(self.laws) * (winners + 1) * held_out
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> Document:
         """Return the experiment of the winners and the starting gains on held-out initial states.
@@ -628,7 +628,7 @@ class Sampled:
             over = np.maximum(np.nan_to_num(best.tried.excess(self.search.bounds), nan=1.0), 0)
             lost = np.maximum(best.tried.lost - self.search.allowed, 0)
             nearest.append((over.sum(axis=1) + lost, over, best.tried))
-        violation, over, tried = min(nearest, key=lambda each: float(each[0].min()))
+        violation, over, tried = min(nearest, key=lambda attempt: float(attempt[0].min()))
         at = int(violation.argmin())
         words = [
             f"{bound.metric} is at best {tried.measured[at, k]:.4g}, and {bound} was asked for"

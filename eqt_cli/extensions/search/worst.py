@@ -80,8 +80,8 @@ class WorstSearch(Searches[WorstSection]):
     @property
     def judging_runs(self) -> int:
         """Number of runs at the points that were found, and of all laws along each key."""
-        each = len(self.laws) * self.runs_at_a_point
-        return each + self._per_line * self._on_all_lines
+        at_point = len(self.laws) * self.runs_at_a_point
+        return at_point + self._per_line * self._on_all_lines
 
     @property
     def _lines(self) -> int:

@@ -136,7 +136,7 @@ class Magnetorquers(Actuator):
     def in_space(self, t: Any) -> Array:
         """Return B_s, T, ``(..., 3)``."""
         if self.flux:
-            return stack([each.evaluate({"t": t}) for each in self.expressions])
+            return stack([expression.evaluate({"t": t}) for expression in self.expressions])
         angles = self.rates * column(t)
         c, s = cos(angles), sin(angles)
         along, across, near = c[..., 0], s[..., 0], None
@@ -164,7 +164,7 @@ class Magnetorquers(Actuator):
     @property
     def expressions(self) -> list[Expression]:
         """The field over time, parsed; empty in an orbit."""
-        return [formula(each) for each in self.flux or ()]
+        return [formula(expression) for expression in self.flux or ()]
 
     def dipoles(self, command: Array) -> tuple[Array, Array, Array]:
         """Return B, the dipole that is asked for, and what the limit leaves of it, ``(..., 3)``."""
@@ -203,7 +203,7 @@ class Magnetorquers(Actuator):
             return
         span = 5400.0 if self.flux else 2 * np.pi / self.rates[0]
         b = np.array([x / norm(x) for x in map(self.in_space, np.linspace(0.0, span, 2001)[:-1])])
-        share, across = (each.round(2) for each in np.linalg.eigh(np.eye(3) - b.T @ b / len(b)))
+        share, across = (array.round(2) for array in np.linalg.eigh(np.eye(3) - b.T @ b / len(b)))
         yield (
             f"give no torque along the field, {b[0].round(2)} in space at t = 0; in the mean over "
             f"{span:.0f} s, {share[0]} of a torque about {across[:, 0]} remains, {share[1]} and "

@@ -277,7 +277,7 @@ class Growth:
                 if _is_shared(piece.base.engine):
                     differs = not any(content in source.blocks for source in self.sources)
                     missing = [differs or any(missing)] * len(missing)
-                chosen += [(index, each) for each in _cut(part, missing)]
+                chosen += [(index, piece) for piece in _cut(part, missing)]
         return chosen
 
     def lacks(self, index: int, part: StudyPart) -> int:

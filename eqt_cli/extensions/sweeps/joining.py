@@ -52,12 +52,12 @@ def join(paths: Sequence[Path], out: Path, *, trusted: bool = False) -> Executio
         raise EqtError(f"{out}: holds a result already", OTHER_FOLDER)
     with ExitStack() as stack:
         opened = [stack.enter_context(open_results(path)) for path in paths]
-        documents = [document_of(each, trusted) for each in opened]
+        documents = [document_of(result, trusted) for result in opened]
         whole = documents[0]
         for path, other in zip(paths[1:], documents[1:], strict=True):
             whole = _union(whole, other, paths[0], path)
         wanted = study(whole)
-        growth = Growth(wanted, [source_of(each) for each in opened])
+        growth = Growth(wanted, [source_of(result) for result in opened])
         if lacking := _lacking(growth):
             raise EqtError(
                 f"{out}: together these results lack {', '.join(lacking)}; compute them first, or "
@@ -75,8 +75,8 @@ def _joined(session: Session, growth: Growth, opened: Sequence[Any]) -> Executio
     place = folder.path.resolve() / RERUN
     place.mkdir(exist_ok=True)
     task = PartTask(wanted, PartFiles(place), tuple(growth.chosen()))
-    for each in opened:
-        session.note_earlier({"provenance": json.loads(str(each.attributes["provenance"]))})
+    for result in opened:
+        session.note_earlier({"provenance": json.loads(str(result.attributes["provenance"]))})
     with timed(session.seconds, "simulation"):
         session.compute(task)
     with timed(session.seconds, "writing", without="cross-check"):
@@ -111,8 +111,10 @@ def _union(one: Document, other: Document, first: Path, second: Path) -> Documen
     EqtError
         With the differences that no result can hold.
     """
-    swept = {key for each in (one, other) if _section(each) for key in sweep_of(each).sets}
-    seeds = [value_at(each.data, parse_key(SEED)) for each in (one, other)]
+    swept = {
+        key for document in (one, other) if _section(document) for key in sweep_of(document).sets
+    }
+    seeds = [value_at(document.data, parse_key(SEED)) for document in (one, other)]
     differing = [
         f"{key}: {shown(a)} there, {shown(b)} here"
         for key, a, b in _differences(_compared(one), _compared(other))
@@ -127,8 +129,8 @@ def _union(one: Document, other: Document, first: Path, second: Path) -> Documen
             elif law != labels[law["label"]]:
                 there = shown(labels[law["label"]])
                 differing.append(f"controllers: {there} there, {shown(law)} here")
-    sweeps = [sweep_of(each) for each in (one, other) if _section(each)]
-    axes = [[key for key in each.keys if key != SEED] for each in sweeps]
+    sweeps = [sweep_of(document) for document in (one, other) if _section(document)]
+    axes = [[key for key in sweep.keys if key != SEED] for sweep in sweeps]
     if len(axes) > 1 and {*axes[0]} != {*axes[1]}:
         names = (", ".join(keys) or "none" for keys in axes)
         differing.append("swept keys: {} there, {} here".format(*names))
@@ -176,7 +178,7 @@ def _joined_sweep(one: Document, other: Document) -> list[Any] | None:
         return None
     if sections[0] == sections[1]:
         return list(sections[0])
-    sweeps = [sweep_of(each) for each in (one, other)]
+    sweeps = [sweep_of(document) for document in (one, other)]
     plain = [[x for x in section if not set(x) & set(FILTERS)] for section in sections]
     if plain[0] == plain[1]:
         blocks, offset = plain[0], 0

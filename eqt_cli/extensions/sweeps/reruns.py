@@ -193,7 +193,7 @@ def _noted(
     if not runs:
         return {}
     noted = [*settings, Setting(dict(solver), sorted(runs, key=lambda run: (run[1], run[2])))]
-    return {SETTINGS: json.dumps([each._asdict() for each in noted])}
+    return {SETTINGS: json.dumps([note._asdict() for note in noted])}
 
 
 def _copy(file: Assembly, old: ResultFile, stored: Iterable[Measure]) -> None:

@@ -279,20 +279,20 @@ class Rules:
         self.data, self.locate = document.data, document.place
         count = len(sweep)
         chosen: Sequence[int] = range(count)
-        for each in self.filters:
-            with problems.catching(*each.place):
-                if isinstance(each, Condition):
-                    chosen = [k for k in chosen if self._holds(each, sweep.settings_of_blocks(k))]
+        for rule in self.filters:
+            with problems.catching(*rule.place):
+                if isinstance(rule, Condition):
+                    chosen = [k for k in chosen if self._holds(rule, sweep.settings_of_blocks(k))]
                     if not chosen:
                         raise InputError(
-                            f"'{shortened(each.text)}' holds at none of {count} points"
+                            f"'{shortened(rule.text)}' holds at none of {count} points"
                         )
                 else:
-                    chosen = each.of(chosen)
+                    chosen = rule.of(chosen)
         if self.filters and not problems:
             self.combinations = list(chosen)
             self.dropped = count - len(self.combinations)
-            self.why = ", ".join(f"{each.place[1]}: {each.text}" for each in self.filters)
+            self.why = ", ".join(f"{rule.place[1]}: {rule.text}" for rule in self.filters)
 
     def _holds(self, condition: Condition, settings: dict[str, Any]) -> bool:
         every = self._derived(settings)

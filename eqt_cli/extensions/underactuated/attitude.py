@@ -71,7 +71,7 @@ def sides(
     """
     across = body_axes(along)[:, :-1].T
     beside = [sum(drag.beside(G, axis, velocity) / mass for drag in drags) for axis in across]
-    return [force + each for each in beside]
+    return [force + term for term in beside]
 
 
 def _in_plane(n: Any, along: tuple[float, ...]) -> Attitude:
@@ -80,7 +80,7 @@ def _in_plane(n: Any, along: tuple[float, ...]) -> Attitude:
     s = along[0] * y.value - along[1] * x.value
     R = stack([stack([c, s]), stack([-s, c])])  # its columns
     velocity = x * y.rate - y * x.rate if n.order else None
-    return Attitude(R, *(each[..., None] for each in _rates(velocity, 0.0 * c)))
+    return Attitude(R, *(rate[..., None] for rate in _rates(velocity, 0.0 * c)))
 
 
 def _headed(n: Any, along: tuple[float, ...], heading: Any, side: Any) -> Attitude:
@@ -104,7 +104,7 @@ def _headed(n: Any, along: tuple[float, ...], heading: Any, side: Any) -> Attitu
     if np.array_equal(axes, np.eye(3)):
         return attitude
     R, *rates = attitude
-    return Attitude(R @ axes.T, *(apply_matrix(axes, each) for each in rates))
+    return Attitude(R @ axes.T, *(apply_matrix(axes, rate) for rate in rates))
 
 
 def _next_to(n: Any, along: tuple[float, ...], R: Any) -> Attitude:
@@ -113,7 +113,7 @@ def _next_to(n: Any, along: tuple[float, ...], R: Any) -> Attitude:
     turned = cross(w, rows)  # w × each column of R
     rows = rows + turned + cross(w, turned) / (1.0 + dot(v, n.value))[..., None, None]
     velocity = cross(n, n.rate) if n.order else None
-    rates = (apply_matrix(rows, each) for each in _rates(velocity, 0.0 * v))
+    rates = (apply_matrix(rows, derivative) for derivative in _rates(velocity, 0.0 * v))
     return Attitude(transpose(rows), *rates)
 
 

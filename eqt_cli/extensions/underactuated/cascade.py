@@ -418,8 +418,8 @@ class Cascade(OuterLoop, ReadsLimits):
         side: Any = None
         if self.across:
             moving = _desired(s, 1, acceleration.order)
-            each = sides(G, acceleration, moving, self.across, self.direction, _mass(s))
-            acceleration, side = each[0], each[-1]
+            jets = sides(G, acceleration, moving, self.across, self.direction, _mass(s))
+            acceleration, side = jets[0], jets[-1]
         desired = attitude(acceleration, self.direction, s.flat.turn(acceleration.order), R, side)
         if self.rates == "reference":
             desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])

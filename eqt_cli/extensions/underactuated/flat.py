@@ -127,7 +127,8 @@ class FlatReference(ClosedReference):
         Q = G.assemble(body.R, p[..., None])
         pairs = ((body.velocity, velocity), (body.acceleration, apply_matrix(back, a) - turned))
         V, V_dot = (
-            stack([each[..., k] for each in pair for k in range(each.shape[-1])]) for pair in pairs
+            stack([vector[..., k] for vector in pair for k in range(vector.shape[-1])])
+            for pair in pairs
         )
         return (Q[0], V[0], V_dot[0]) if alone else (Q, V, V_dot)
 

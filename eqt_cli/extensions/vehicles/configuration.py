@@ -189,8 +189,8 @@ class Text:
         """Add a matrix, a row a line."""
         self.add(f"{' ' * indent}{key}:", remark)
         small = ROUND * np.abs(matrix).max()
-        for each in matrix:
-            self.lines.append(f"{' ' * (indent + 2)}- {row(each, zero=small)}")
+        for entries in matrix:
+            self.lines.append(f"{' ' * (indent + 2)}- {row(entries, zero=small)}")
 
     def gain(self, key: str, matrix: Array, indent: int, remark: str = "") -> None:
         """Add a gain to four digits: the diagonal where that is enough, else a row a line."""
@@ -199,7 +199,7 @@ class Text:
             self.add(f"{' ' * indent}{key}: {shown}", remark)
             return
         self.add(f"{' ' * indent}{key}:", remark)
-        self.lines += [f"{' ' * (indent + 2)}- [{each}]" for each in shown[2:-2].split("], [")]
+        self.lines += [f"{' ' * (indent + 2)}- [{text}]" for text in shown[2:-2].split("], [")]
 
 
 # The sections -------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def facts(v: Vehicle, body: Body) -> list[str]:
     at = row(body.centre, 4, 1e-9)
     lines = [f"mass {body.mass:.4g} kg, centre of mass at {at} m from {v.base}"]
     moments = np.linalg.eigvalsh(body.tensor)
-    lines.append(f"principal moments {', '.join(f'{each:.4g}' for each in moments)} kg m²")
+    lines.append(f"principal moments {', '.join(f'{moment:.4g}' for moment in moments)} kg m²")
     highs = [rotor.high for rotor in v.rotors if rotor.high is not None]
     if v.water is not None and body.kind == "auv":
         B = "unknown" if v.water.buoyancy is None else f"{v.water.buoyancy:.4g} N"
@@ -258,8 +258,8 @@ def facts(v: Vehicle, body: Body) -> list[str]:
         lines.append(f"{hover}, thrust to weight {ratio}")
     elif v.wheels:
         limits = {wheel.limit for wheel in v.wheels}
-        each = " or ".join(f"{limit:g}" for limit in limits if limit is not None)
-        lines.append(f"{len(v.wheels)} wheels of {each or 'unlimited'} N m")
+        limit_words = " or ".join(f"{limit:g}" for limit in limits if limit is not None)
+        lines.append(f"{len(v.wheels)} wheels of {limit_words or 'unlimited'} N m")
     else:
         lines.append("no rotor or wheel is in the file: forces and torques have no limits")
     return lines
@@ -323,8 +323,8 @@ def _grouped(notes: Iterable[str]) -> list[str]:
         key = re.sub(r"[\w./-]+:\d+|[\w:/]*\d[\w:/]*", "", note)
         groups.setdefault(key, []).append(note)
     return [
-        each[0] if len(each) == 1 else f"{each[0]} (and {len(each) - 1} more such)"
-        for each in groups.values()
+        group[0] if len(group) == 1 else f"{group[0]} (and {len(group) - 1} more such)"
+        for group in groups.values()
     ]
 
 
@@ -501,11 +501,13 @@ def _rotors(text: Text, v: Vehicle, body: Body) -> None:
         else:
             text.say(f"thrust_constant: {common(k)} # N s^2/rad^2; needs limits", 4)
         if spins:
-            k_m = [abs(rotor.turns) * each for rotor, each in zip(rotors, k, strict=True)]
+            k_m = [
+                abs(rotor.turns) * coefficient for rotor, coefficient in zip(rotors, k, strict=True)
+            ]
             text.add(f"    moment_constant: {common(k_m)}", "N m s^2/rad^2")
     if fast and are("speed"):
         speeds = [rotor.speed or 0.0 for rotor in rotors]
-        text.add(f"    low_speed: {common([-each * reverses + 0.0 for each in speeds])}")
+        text.add(f"    low_speed: {common([-speed * reverses + 0.0 for speed in speeds])}")
         text.add(f"    high_speed: {common(speeds)}", "rad/s")
     elif limited:
         text.add(f"    low: {common([rotor.low or 0.0 for rotor in rotors])}")
@@ -538,7 +540,7 @@ def _places(text: Text, rotors: list[Rotor], body: Body, spins: bool) -> None:
         if rotor.turns:
             share = f"{np.sign(rotor.turns):g}" if spins else number(rotor.turns)
             turns = f", turns: {share}"
-        at, along = (row(each, zero=1e-12) for each in (rotor.at - body.origin, rotor.along))
+        at, along = (row(vector, zero=1e-12) for vector in (rotor.at - body.origin, rotor.along))
         name = unique(rotor, taken)
         text.add(f"      - {{ at: {at}, along: {along}{turns}, name: {word(name)} }}", rotor.place)
 

@@ -49,7 +49,9 @@ def is_plugin(element: Element, name: str) -> bool:
 
 def base_of(plugins: list[tuple[Element, str]], links: Collection[str], canonical: str) -> str:
     """Return the link in whose axes the water acts, whose drag over |U| U cannot be moved."""
-    wet = [scope + each.words("link_name") for each, scope in plugins if is_plugin(each, WATER)]
+    wet = [
+        scope + plugin.words("link_name") for plugin, scope in plugins if is_plugin(plugin, WATER)
+    ]
     if len(wet) > 1:
         raise EqtError(
             f"{plugins[0][0].place}: the water acts on {', '.join(wet)}; of one link alone"

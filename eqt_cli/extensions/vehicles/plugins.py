@@ -459,7 +459,7 @@ def _uuv_water(m: Model, v: Vehicle, element: Element, scope: str, request: Requ
     if matrix("linear_damping_forward_speed").any():
         v.notes.append(f"{model.place}: linear_damping_forward_speed is left out")
     order = np.ix_(TO_EQT, TO_EQT)
-    added, linear, quadratic = (NED @ each[order] @ NED for each in (added, linear, quadratic))
+    added, linear, quadratic = (NED @ matrix[order] @ NED for matrix in (added, linear, quadratic))
     v.water = Water(model.place, added, -linear, -quadratic)
     _symmetric(v)
     density = of[0].number("fluid_density", element.number("fluid_density", SEA_WATER))

@@ -123,7 +123,7 @@ class _Sdf:
         if self.count > MOST_MODELS:
             raise EqtError(f"{element.place}: more than {MOST_MODELS} models; flatten the file")
         root = self.root(there)
-        inside = next((each for each in root.children if each.tag in ("model", "include")), None)
+        inside = next((child for child in root.children if child.tag in ("model", "include")), None)
         if inside is None:
             raise EqtError(f"{element.place}: {uri}: {there} has no model; correct <uri>")
         return self._opened(inside, there, [*stack, there])
@@ -131,14 +131,14 @@ class _Sdf:
     def _file_of(self, name: str, file: Path) -> Path | None:
         """Return the file of an included model: beside the file, or in a folder of models."""
         beside = (self.request.path, file)
-        folders = [folder for each in beside for folder in (each.parent, each.parent.parent)]
+        folders = [folder for place in beside for folder in (place.parent, place.parent.parent)]
         for folder in dict.fromkeys((*folders, *self.request.models)):
             there = folder / name
             if there.is_file():
                 return there.resolve()
             config = there / "model.config"
             listed = (
-                [each.text.strip() for each in read(config).all("sdf")] if config.is_file() else []
+                [tag.text.strip() for tag in read(config).all("sdf")] if config.is_file() else []
             )
             for option in (*listed[::-1], "model.sdf", f"{there.name}.sdf"):
                 for end in ("", ".jinja"):  # PX4 makes the one from the other
@@ -257,8 +257,8 @@ class _Sdf:
             chain.append(here)
             here, _, place = self.frames[here]
         pose = done[here]
-        for each in reversed(chain):
-            done[each] = pose = pose @ self.frames[each][1]
+        for frame in reversed(chain):
+            done[frame] = pose = pose @ self.frames[frame][1]
         return pose
 
     def set_placements(self) -> None:
@@ -314,7 +314,7 @@ class _Sdf:
         mass, J = mass_and_tensor(name, inertial, inertial.number("mass"), tensor.number)
         middle = pose @ _pose(inertial.one("pose"))
         R = middle[:3, :3]
-        shapes = [_shape(each, pose) for each in element.all("collision")]
+        shapes = [_shape(collision, pose) for collision in element.all("collision")]
         weightless = element.words("gravity") in ("0", "false")
         place = (inertial.one("mass") or inertial).place
         return Link(name, place, pose, mass, middle[:3, 3], R @ J @ R.T, shapes, weightless)

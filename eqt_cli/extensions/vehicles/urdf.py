@@ -31,7 +31,7 @@ def read_urdf(root: Element, request: Request) -> Model:
     EqtError
         With file and line, for what is missing, wrong or not to be read.
     """
-    links, joints = ({_name(each): each for each in root.all(tag)} for tag in ("link", "joint"))
+    links, joints = ({_name(node): node for node in root.all(tag)} for tag in ("link", "joint"))
     on: dict[str, Element] = {}
     for joint in joints.values():
         parent, child = (_end(joint, tag) for tag in ("parent", "child"))
@@ -42,8 +42,8 @@ def read_urdf(root: Element, request: Request) -> Model:
             raise EqtError(f"{joint.place}: link {child} has two parents; remove one joint")
         on[child] = joint
     poses, notes = _poses(root, links, on, request)
-    plugins = [(each, "") for gazebo in root.all("gazebo") for each in gazebo.all("plugin")]
-    plugins += [(each, "") for each in root.all("properties")]
+    plugins = [(plugin, "") for gazebo in root.all("gazebo") for plugin in gazebo.all("plugin")]
+    plugins += [(block, "") for block in root.all("properties")]
     base = base_of(plugins, poses, next(iter(poses)))
     to_base = inverse(poses[base])
     bodies = {name: _link(name, links[name], to_base @ pose) for name, pose in poses.items()}
@@ -94,7 +94,7 @@ def _poses(
 
 def _link(name: str, element: Element, pose: Array) -> Link:
     inertial = element.one("inertial")
-    shapes = [_shape(each, pose) for each in element.all("collision")]
+    shapes = [_shape(collision, pose) for collision in element.all("collision")]
     if inertial is None:
         return Link(name, element.place, pose, 0.0, pose[:3, 3], np.zeros((3, 3)), shapes)
     mass, tensor = inertial.one("mass"), inertial.one("inertia")
