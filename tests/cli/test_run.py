@@ -224,7 +224,7 @@ def test_failed_runs_end_with_3(eqt, plugins):
     assert done.code == 3
     assert re.search(r"^Escape +0/2( +-){3}$", done.out, re.M)
     assert re.search(r"^EqT +0/2 ", done.out, re.M)
-    title, *rows = done.err.strip().splitlines()
+    title, *rows = done.err[done.err.index("2 runs failed") :].strip().splitlines()
     assert title == "2 runs failed: 2 solver failed"
     assert [row.split(":")[0] for row in rows] == [f"  escape run {run}" for run in range(2)]
     assert all(" t = 0.0" in row for row in rows)

@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import refusals, replace_file
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.extensions.gym.plant import Episodes
@@ -129,5 +130,6 @@ def record(environment: Any, path: Path) -> dict[str, Any]:
     model.metadata_props.extend(others)
     entry = model.metadata_props.add()
     entry.key, entry.value = TRAINED, json.dumps(about)
-    path.write_bytes(model.SerializeToString())
+    with refusals(path, "written"):
+        replace_file(path, model.SerializeToString())
     return about
