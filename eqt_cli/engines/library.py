@@ -404,9 +404,12 @@ class Walk:
     """
 
     def __init__(self, field: Program, spans: Array, arrays: Arrays, **span: Any) -> None:
-        self._function = _integrator(field, None, True, HURRIED.get()).eqt_walk
+        library = _integrator(field, at_samples=None, walks=True, quick=HURRIED.get())
+        self._function = library.eqt_walk
         self._function.restype = ctypes.c_int64
         runs, row = span["states"].shape
+        # A run whose span cannot be walked is put back to what it was before it: to its state, step
+        # length and time in `before`, to its number of steps and its end in `counted`.
         buffers = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
         self.counts = buffers["counted"][:, 0]
         self._c = _Walks(parts=0)
