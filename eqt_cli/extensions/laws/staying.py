@@ -37,9 +37,10 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
         if not apart.max() > APART * (size + np.abs(s.stiffness).max()):
             continue
         worst = apart.argmax()
+        until = ", until its memory has adapted" if law.memory(loop.group) else ""
         yield (
             ("controllers", experiment.laws[label].index),
             f"on the reference, without an error, its torque is up to {apart[worst]:.3g} from τ_d, "
-            f"at {times[worst]:.4g} s, so that the body leaves it; the feedforward "
+            f"at {times[worst]:.4g} s, so that the body leaves it{until}; the feedforward "
             "s.relative.cancelling_feedforward would hold it there",
         )
