@@ -71,7 +71,7 @@ class DrawnNumber:
             inside = getattr(parts[self.place], self.name)
             for step in self.entry:
                 inside = getattr(inside, step) if isinstance(step, str) else inside[step]
-            return float(inside)
+            return float(np.ravel(inside)[0])  # of a run, a number is an array
         # Entries that are not drawn may be expressions.
         value = np.asarray(getattr(parts[self.place], self.name), dtype=object)
         if not self.entry:

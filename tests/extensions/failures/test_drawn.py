@@ -56,6 +56,20 @@ def test_they_are_what_the_generators_of_the_parts_draw(experiment):
         np.testing.assert_array_equal(values[:, run], expected)
 
 
+@pytest.mark.needs("disturbances")
+def test_the_inertia_below_a_payload_is_one_of_them(tmp_path):
+    plant = """{inertia: {relative: {uniform: [-0.2, 0.3]}}, forces: [
+      {kind: restoring, weight: 9.81}, {kind: payload, mass: 0.1}]}"""
+    (tmp_path / "c.yaml").write_text(
+        configuration(
+            group="SE3", inertia="[2, 2, 2, 1, 1, 1]", reference="{kind: constant}", plant=plant
+        )
+    )
+    experiment = build(read_config(tmp_path / "c.yaml", {}))
+    drawn = philox(1, 0, "plant.inertia").uniform(-0.2, 0.3)
+    assert values_of(experiment, drawn_numbers(experiment))[0, 0] == drawn
+
+
 def test_the_filter_starts_with_its_own_error(tmp_path):
     estimator = "{kind: invariant, initial_pose_std: 0.2}"
     sensors = "{pose: [{kind: noise, std: 0.1}], velocity: [{kind: noise, std: 0.1}]}"
