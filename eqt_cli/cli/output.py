@@ -93,6 +93,7 @@ def complain(message: str, label: str = "") -> None:
         colour = f"\033[1;{31 if label == 'error' else 33}m"
         heading = text.partition("\n")[0]  # of several errors
         start, shown = ("eqt:", f"{label}:") if text.startswith("eqt:") else (heading, heading)
+        start += f" {label}:" if text.startswith(f"eqt: {label}:") else ""
         text = f"{colour}{shown}\033[0m{text.removeprefix(start)}"
     print(text, file=sys.stderr, flush=True)
 
@@ -100,7 +101,7 @@ def complain(message: str, label: str = "") -> None:
 def warn(remark: EqtWarning) -> None:
     """Print a warning about a result on stderr."""
     if isinstance(remark, HarmWarning) or not _silent:
-        complain(f"eqt: {remark.with_advice(option)}", "warning")
+        complain(f"eqt: warning: {remark.with_advice(option)}", "warning")
 
 
 def option(argument: str) -> str:

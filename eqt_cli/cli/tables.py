@@ -110,8 +110,8 @@ def _is_numeric(column: Iterable[str]) -> bool:
 _GAP = "  "
 _NARROW = 16
 """Text is wrapped to this width, or that of its longest word, before a column is left out."""
-_NOTES = 100
-"""Maximum width of notes."""
+_NOTES, _NOTES_PIPED = 120, 100
+"""Maximum width of notes, on a terminal and for a pipe."""
 
 _MINUS = re.compile(r"(?<![\w.)=`'])-(?=\.?\d)")
 """The sign of a number, but not in an exponent, a range, a date, or a value that users type."""
@@ -137,8 +137,8 @@ class _Column:
 
     Attributes
     ----------
-    full
-        Width of the cells and of the heading on one line.
+    body
+        Width of the cells.
     folded
         Width with one word of the heading per line.
     least
@@ -151,12 +151,18 @@ class _Column:
 
     def __init__(self, heading: str, cells: list[str]) -> None:
         self.heading, self.cells = heading, cells
-        body, word = max(map(cell_len, cells), default=0), _longest_word(heading)
-        self.full, self.folded = max(cell_len(heading), body), max(word, body)
+        self.body, word = max(map(cell_len, cells), default=0), _longest_word(heading)
+        self.folded = max(word, self.body)
         self.is_text, self.numeric = not all(map(_is_whole, cells)), all(map(_is_number, cells))
         unbroken = [cell_len(cell) if _is_whole(cell) else _longest_word(cell) for cell in cells]
         wrapped = min(self.folded, _NARROW)
         self.least = max([word, *unbroken, wrapped if self.is_text else 0])
+
+    def with_heading_of(self, lines: int) -> int:
+        """Return the least width of the cells and of the heading on so many lines."""
+        widths = range(_longest_word(self.heading), cell_len(self.heading) + 1)
+        fits = (width for width in widths if len(_wrapped(self.heading, width)) <= lines)
+        return max(self.body, next(fits, 0))
 
 
 @dataclass(frozen=True)
@@ -226,7 +232,10 @@ def table_text(table: TextTable, room: int | None) -> Text:
         lines += [Text(indent) + line for line in grid.head()]
         lines += _body(table.blocks, room, grid.row, indent)
     if notes:
-        lines += [Text(), *(_prose(note, min(room or _NOTES, _NOTES), "dim") for note in notes)]
+        lines += [
+            Text(),
+            *(_prose(note, min(room or _NOTES_PIPED, _NOTES), "dim") for note in notes),
+        ]
     return Text("\n").join(lines)
 
 
@@ -258,12 +267,11 @@ def _laid_out(
 
 def _fitted(columns: list[_Column], room: int | None) -> _SideBySide | None:
     """Return the columns with a width each; None if they do not fit."""
-    full = [column.full for column in columns]
-    if room is None or _total(full) <= room:
-        return _SideBySide(columns, full)
+    for lines in range(1, 1 + max((len(words(x.heading)) for x in columns), default=1)):
+        widths = [column.with_heading_of(lines) for column in columns]
+        if room is None or _total(widths) <= room:
+            return _SideBySide(columns, widths)
     folded = [column.folded for column in columns]
-    if _total(folded) <= room:
-        return _SideBySide(columns, folded)
     least = [column.least for column in columns]
     return _SideBySide(columns, _grown(least, folded, room)) if _total(least) <= room else None
 

@@ -288,7 +288,7 @@ def test_quiet_says_what_may_do_harm(eqt, monkeypatch):
 
     monkeypatch.setattr("fcntl.flock", refused)
     done = eqt("run", "c.yaml", *BRIEF, "--quiet", "--out", "unlocked")
-    assert done.err.startswith("eqt: unlocked: its disk does not support file locks")
+    assert done.err.startswith("eqt: warning: unlocked: its disk does not support file locks")
 
 
 def test_an_interruption_behind_the_last_part_says_that_all_runs_are_there(eqt, monkeypatch):

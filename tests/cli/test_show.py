@@ -86,7 +86,7 @@ def test_the_summary_tells_of_failed_runs_and_names_versions_of_other_sessions(e
     manifest.pop("checksum")  # of what another version wrote
     Path("out/manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     done = eqt("run", "c.yaml", *one, "--out", "out", "--rerun-failed")
-    said = [line for line in done.err.splitlines() if line.startswith("eqt: out: ")]
+    said = [line for line in done.err.splitlines() if "eqt: warning: out: " in line]
     assert len(said) == 1
     lines = eqt("show", "out").out.splitlines()
     assert re.fullmatch(rf"also     \S+ with numpy {re.escape(here)} \(not 1\.0\)", lines[2])

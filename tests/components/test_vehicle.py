@@ -695,4 +695,4 @@ def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, l
         said, at = invoke(*arguments).stderr.splitlines(), "8:13" if clock else "7:13"
         found = [line for line in said if "actuators" in line]
         assert len(found) == bool(warning)
-        assert all(says(line, f"eqt: {path}:{at}: {warning}") for line in found)
+        assert all(says(line, f"eqt: warning: {path}:{at}: {warning}") for line in found)

@@ -73,7 +73,7 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
         *("controllers=[gt]", "--format", "json", "--out", "figures"),
     )
     assert found.stdout == "figure   figures/measured.json\n"
-    assert found.stderr == "eqt: flight.csv: column battery is not used\n"
+    assert found.stderr == "eqt: warning: flight.csv: column battery is not used\n"
     names = {curve["name"] for curve in json.loads((folder / "figures/measured.json").read_text())}
     assert names == {
         f"{kind} ω{axis}" for kind in ("measured", "simulated", "difference") for axis in "xyz"

@@ -45,7 +45,7 @@ def test_a_report_without_certificates_says_so(eqt, forget_plugins):
     forget_plugins()
     done = eqt("report", "results/c", "--figure", "paper")
     assert done.code == 0
-    said = "eqt: the page has no certificates; the result could not be verified: "
+    said = "eqt: warning: the page has no certificates; the result could not be verified: "
     assert done.err.startswith(said)
     assert said not in eqt("report", "results/c", "--figure", "paper", "--trust-plugins").err
 
