@@ -76,17 +76,17 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
     whole
         Whether all numbers have a column.
     """
-    laws, levels = _by_law(comparison, against), comparison.levels
+    laws, levels = laws_of(comparison, against), comparison.levels
     shown = dict[int, PerRun]()
     for of_law in laws.values():
-        first = of_law if whole else [*_headline(of_law), *_settling(of_law, levels)]
+        first = of_law if whole else [*headline(of_law), *settling_of(of_law, levels)]
         shown |= {id(pair.measured): pair.measured for pair in first}
     level_of = {(id(level.measured), level.controller): level for level in levels}
     rows = dict[str, list[str]]()
     for law, of_law in laws.items():
         base, by_number = of_law[0].second, {id(pair.measured): pair for pair in of_law}
         if base not in rows:
-            rows[base] = [_mean(level_of[number, base]) for number in shown]
+            rows[base] = [mean_in_words(level_of[number, base]) for number in shown]
         rows[law] = [  # a number of L is not compared with that of another function L
             _cell(by_number[number], level_of[number, law]) if number in by_number else "-"
             for number in shown
@@ -97,7 +97,7 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
     return TextTable("verdict", "", header, [Block("", titled)] if titled else [], notes)
 
 
-def _by_law(comparison: Comparison, against: str) -> dict[str, list[Pair]]:
+def laws_of(comparison: Comparison, against: str) -> dict[str, list[Pair]]:
     """Return the rows of each law whose numbers may be better or worse, by label."""
     laws = dict[str, list[Pair]]()
     for pair in comparison.rows(against):
@@ -106,7 +106,7 @@ def _by_law(comparison: Comparison, against: str) -> dict[str, list[Pair]]:
     return laws
 
 
-def _headline(pairs: Sequence[Pair]) -> list[Pair]:
+def headline(pairs: Sequence[Pair]) -> list[Pair]:
     """Return the rows by which a law is compared first, errors and costs; without one, the first.
 
     The rest of a role are those of its least rank and window.
@@ -121,7 +121,7 @@ def _headline(pairs: Sequence[Pair]) -> list[Pair]:
     return first or [*pairs[:1]]
 
 
-def _settling(pairs: Sequence[Pair], levels: Sequence[Level]) -> list[Pair]:
+def settling_of(pairs: Sequence[Pair], levels: Sequence[Level]) -> list[Pair]:
     """Return the share of runs that settle; where all do, the time that they take."""
     share, time = SETTLING
     shares = [level.mean for level in levels if level.measured.quantity.name == share]
@@ -134,13 +134,13 @@ def _cell(pair: Pair, level: Level) -> str:
     if math.isfinite(pair.low):
         return f"{pair.percent.replace('points', 'pp')} {MARKS[pair.word]}"
     if pair.measured.is_share or not math.isfinite(pair.relative):
-        return _mean(level)
+        return mean_in_words(level)
     if pair.relative > 1:
         return f"{1 + pair.relative:.3g} times"
     return f"{fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
-def _mean(level: Level) -> str:
+def mean_in_words(level: Level) -> str:
     """``32.9 deg``; of runs that settle, how many; ``-`` where all runs failed."""
     if not math.isfinite(level.mean):
         return "-"
@@ -156,12 +156,10 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
-    # Each of n runs the same way has p = 2/2^n, of which Holm's smallest is `count` times as much.
-    count, confidence = _tests(comparison, against), comparison.how.confidence
+    count, confidence = count_of_tests(comparison, against), comparison.how.confidence
     if not (tests := count * comparison.points):
         return
-    enough = math.ceil(math.log2(2 * tests / (1 - confidence)))
-    if comparison.runs < enough:
+    if comparison.runs < (enough := runs_enough(comparison, against)):
         yield (
             f"{comparison.runs} runs are too few to call any of {count} numbers better or worse: "
             f"take {enough} or more (`ensemble.runs`), or fewer numbers (`--metric`)"
@@ -179,19 +177,27 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
     )
 
 
-def _tests(comparison: Comparison, against: str = "") -> int:
+def count_of_tests(comparison: Comparison, against: str = "") -> int:
+    """Return how many numbers of the other laws are tested against one."""
     return sum(pair.adjusted_p >= 0 for pair in comparison.rows(against))
+
+
+def runs_enough(comparison: Comparison, against: str = "") -> int:
+    """Return with how many runs, all the same way, a number can be called better or worse."""
+    # Each of n runs the same way has p = 2/2^n, of which Holm's smallest is `tests` times as much.
+    tests = max(1, count_of_tests(comparison, against) * comparison.points)
+    return math.ceil(math.log2(2 * tests / (1 - comparison.how.confidence)))
 
 
 def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -> list[str]:
     """Return what `matrix` leaves open: what else differs, failures, and the claims of papers."""
-    titles, runs, laws = comparison.titles, comparison.runs, _by_law(comparison, against)
+    titles, runs, laws = comparison.titles, comparison.runs, laws_of(comparison, against)
     also, open_ = dict[str, list[str]](), list[str]()
     for law, of_law in laws.items():
         if not whole:
             for words in _also(of_law, comparison):
                 also.setdefault(words, []).append(titles[law])
-        for pair in _headline(of_law):
+        for pair in headline(of_law):
             if pair.contradicted:
                 better, worse = pair.better_in
                 side = f"better in {better}" if better >= worse else f"worse in {worse}"
@@ -220,13 +226,13 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
 
 def _also(of_law: Sequence[Pair], comparison: Comparison) -> Iterator[str]:
     """Name the better and worse numbers that do not repeat those of the matrix, by word."""
-    headline = _headline(of_law)
-    marked = {(_topic(pair), pair.word) for pair in headline}
+    first = headline(of_law)
+    marked = {(_topic(pair), pair.word) for pair in first}
     for word in (Word.BETTER, Word.WORSE):
         others = [
             pair.measured
             for pair in of_law
-            if pair.word is word and pair not in headline
+            if pair.word is word and pair not in first
             if (_topic(pair), word) not in marked and pair.measured.quantity.name not in SETTLING
         ]
         if others:
@@ -480,7 +486,7 @@ def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
 
 
 def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
-    count = max((_tests(comparison, pair.second) for pair in shown), default=0)
+    count = max((count_of_tests(comparison, pair.second) for pair in shown), default=0)
     same = "" if comparison.bases else " against the same law"
     notes = [
         "difference: of the means; median: over runs, relative to the other law.",
@@ -516,7 +522,7 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         "Differences below 0 support a claim: supported if the intervals of the mean and of the "
         "median lie below 0, not supported if they lie above, else undecided. A claim about every "
         "run is supported only if no run violates it and the runs are enough to speak for 95 % of "
-        "all initial states."
+        "all initial states. Found is the mean with its interval, or the median where it decides."
     ]
     if comparison.departures:
         notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
@@ -542,6 +548,8 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
         outcome = " ".join(filter(None, [interval, write.unit(measured.unit)]))
         share = percent(pair.relative, signed=True).replace("-", "−")
         outcome += write.text(f" ({share})")
+        if judgement.verdict is ClaimVerdict.UNDECIDED and pair.low * pair.high > 0:
+            outcome = write.text(f"median {pair.percent}")  # which holds 0, or another sign
     cells = [what, write.window(measured.seen), outcome, str(judgement.verdict)]
     return [*cells, _runs(judgement.runs_to_decide)]
 

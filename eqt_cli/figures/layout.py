@@ -221,6 +221,8 @@ def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     letters = (2 if is_wide else 1) / (2 if at_right else 1)  # a centred title has room for two
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
     size = size_of_type("axes.titlesize") * (_SMALL if at_right else 1.0)
+    # A little smaller rather than on two lines.
+    size *= min(1.0, max(_SMALL, _characters(room, size) / max(1, len(name))))
     fit = max(_characters(room, size), *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 

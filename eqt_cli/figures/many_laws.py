@@ -25,6 +25,8 @@ _TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
 """Largest height of all panels, in: 124 mm with legend and remarks."""
 _GREY = 0.25
 """Share of ink in the medians of the other laws."""
+_MOST_SAMPLES = 100
+"""About how many samples of a grey median are drawn: all of many laws would fill a page of HTML."""
 _CLOSING = 0.1
 """Share of the horizon over which the values are averaged that sort the laws."""
 _BULK = 0.25
@@ -105,8 +107,11 @@ def _draw(
     axes: Axes, runs: ShownRuns, law: Ensemble, drawn: Mapping[str, Array], colour: str
 ) -> None:
     """Draw the curves of a panel, with the name of its law."""
+    thin = max(1, len(runs.times(law)) // _MOST_SAMPLES)
     others = [
-        np.column_stack([runs.times(e), drawn[e.label][0]]) for e in runs.shown if e is not law
+        np.column_stack([runs.times(e), drawn[e.label][0]])[::thin]
+        for e in runs.shown
+        if e is not law
     ]
     grey = LineCollection(others, colors=ink(_GREY), linewidths=0.5, zorder=1.4, label=NO_NUMBERS)
     axes.add_collection(grey, autolim=False)

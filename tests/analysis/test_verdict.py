@@ -11,7 +11,7 @@ import pytest
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison import Comparison, Numbers
-from eqt_cli.analysis.comparison_tables import _mean, answer_lines
+from eqt_cli.analysis.comparison_tables import answer_lines, mean_in_words
 from eqt_cli.analysis.intervals import Resampling, Word
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import WHOLE
@@ -75,7 +75,7 @@ def test_a_law_all_of_whose_runs_failed_has_no_mean(compared, counts):
     (level, *_) = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)]).levels
     quantity = replace(level.measured.quantity, counts=counts)
     measured = replace(level.measured, quantity=quantity)
-    assert _mean(replace(level, measured=measured, mean=math.nan)) == "-"
+    assert mean_in_words(replace(level, measured=measured, mean=math.nan)) == "-"
 
 
 def test_the_lines_of_the_answer(compared):

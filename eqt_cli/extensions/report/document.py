@@ -24,6 +24,7 @@ from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.extensions.report import summary
+from eqt_cli.extensions.report.opening import opening
 from eqt_cli.extensions.report.scenes import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
@@ -228,6 +229,10 @@ class Wanted:
     requested: bool = False
 
 
+MANY = 8
+"""Most laws whose intervals stand beside a figure."""
+
+
 class TooLargeFigureError(EqtError):
     """A figure that is too large for a page."""
 
@@ -324,8 +329,12 @@ def named(names: Sequence[str]) -> list[Wanted]:
 
 def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
     figure, notes = figure_from(wanted.name, wanted.options), list[str]()
-    # The first one stands beside a table.
-    drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
+    # The first one stands beside the finding, or below that of many laws.
+    beside = number == 1 and len(result.labels) <= MANY
+    drawing = figure.draw([result], "column" if beside else "page", captions=notes)
+    for k, artist in enumerate(drawing.findobj()):
+        if (label := artist.get_label()) in result.labels:
+            artist.set_gid(f"law-{result.labels.index(label)}-{k}")
     usual = conclusion_of(result).figures.get(wanted.name) or summary_of(type(figure))
     caption = " ".join([str(drawing.get_label()) or wanted.caption or usual, *notes])
     svg = inlined(encode(drawing, "svg", letters="path"), f"figure{number}", caption)
@@ -379,7 +388,8 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best premises answer claims levels pairs others missing picker animation certificates doubts"
+    "best opening looks many premises answer claims levels pairs others missing picker animation "
+    "certificates doubts"
 ).split()
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
 
@@ -473,10 +483,14 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
     levels, pairs = tables.get("controllers"), tables.get("pairs")
     answer, open_ = matrix(comparison, base), remarks(comparison, base)
     caption = f"Means of {comparison.titles[base]}; differences of the other laws from it"
+    looks = {look["label"]: look | {"number": k} for k, look in enumerate(summary.looks(result))}
     if levels and not answer.blocks:  # of a single law
         caption, answer, levels = levels.caption, levels, None
     with_base = len(comparison.labels) - 1
     return {
+        "opening": opening(comparison, base),
+        "looks": looks,
+        "many": len(looks) > MANY,
         "premises": premises(comparison),
         "answer": replace(answer, caption=caption, notes=[*open_, *answer.notes]),
         "claims": tables.get("claims"),

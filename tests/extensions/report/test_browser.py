@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("selenium", reason="needs selenium")
 
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
@@ -74,7 +75,7 @@ def test_figures_are_as_wide_as_the_page_allows(page):
 def test_the_first_screen_has_the_answer_and_the_figure_beside_it(page, resize):
     resize(1280, 800)
     title, facts, answer, figure = (
-        find(page, place).rect for place in ("h1", ".facts", "#answer-table", "#figure1 svg")
+        find(page, place).rect for place in ("h1", ".facts", ".intervals", "#figure1 svg")
     )
     assert facts["height"] < 2 * 16  # one line
     assert title["y"] < facts["y"] < answer["y"]
@@ -82,10 +83,10 @@ def test_the_first_screen_has_the_answer_and_the_figure_beside_it(page, resize):
     assert max(part["y"] + part["height"] for part in (answer, figure)) <= 800
 
 
-def test_a_phone_shows_the_whole_answer_on_its_first_screen(page, resize):
+def test_a_phone_shows_the_finding_and_its_intervals_on_its_first_screen(page, resize):
     resize(390, 844)
     page.refresh()
-    answer = find(page, ".answer")
+    answer = find(page, "table.interval")
     assert answer.get_property("scrollWidth") <= answer.get_property("clientWidth")
     assert answer.rect["y"] + answer.rect["height"] <= 844
 
@@ -309,12 +310,34 @@ def test_appearance_follows_the_system_and_the_reader(page, scheme, dark):
     assert (ground(page) == "rgba(20, 24, 29, 1)") != dark
 
 
-@pytest.mark.parametrize("drawn", ["figure .paper", ".panel", ".swatch"])
-def test_curves_are_on_white_paper_in_the_dark(page, drawn):
-    Select(find(page, "#theme")).select_by_value("dark")
-    found = find(page, drawn)
-    assert found.value_of_css_property("background-color") == "rgba(255, 255, 255, 1)"
-    assert found.value_of_css_property("color") == "rgba(27, 31, 36, 1)"
+@pytest.mark.parametrize("drawn", ["figure .paper svg", ".panel svg", ".swatch"])
+def test_curves_and_their_legends_are_turned_over_alike_in_the_dark(page, drawn):
+    for theme, filter in (("dark", "invert(0.91) hue-rotate(180deg)"), ("light", "none")):
+        Select(find(page, "#theme")).select_by_value(theme)
+        assert find(page, drawn).value_of_css_property("filter") == filter
+
+
+def test_a_law_is_hidden_and_stands_out_in_the_figures(page):
+    def curves(law, condition=""):
+        return page.find_elements(By.CSS_SELECTOR, f"#figure1 [id*='-law-{law}-']{condition}")
+
+    law = (
+        find(page, "tr[data-law] button").find_element(By.XPATH, "../..").get_attribute("data-law")
+    )
+    assert len(curves(law)) >= 4  # a curve in each panel
+    find(page, f"tr[data-law='{law}'] button").click()
+    assert len(curves(law, ".gone")) == len(curves(law)) and not curves("", ".dim")
+    other = next(k for k in "0123" if k != law)
+    ActionChains(page).move_to_element(find(page, f"tr[data-law='{other}']")).perform()
+    assert len(curves(law, ".dim")) == len(curves(law)) and not curves(other, ".dim")
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_letters_of_figures_are_12_pixels_high(page, resize, width):
+    resize(width, 844)
+    for drawn in page.find_elements(By.CSS_SELECTOR, "figure .paper > svg"):
+        wide = float(drawn.get_dom_attribute("viewBox").split()[2])
+        assert 8 * drawn.size["width"] / wide >= 11.9  # set in 8 pt
 
 
 def test_narrow_screens_need_no_sideways_scrolling(page, resize):

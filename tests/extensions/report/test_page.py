@@ -99,9 +99,34 @@ def test_what_was_run_is_there_to_read(text):
 
 def test_the_answer_and_the_figure_come_first_and_the_claims_in_their_section(text):
     finding = "“the EqT control requires"
-    order = ("<main", 'id="answer-table"', "<svg", 'id="experiment"', 'id="claims"', finding)
+    order = ("<main", 'class="finding"', 'class="strip"', 'id="figure1"', 'id="experiment"')
+    order += ('id="claims"', finding, 'id="answer-table"')
     places = [text.index(each) for each in order]
     assert places == sorted(places)
+
+
+def test_the_first_screen_says_the_finding_and_draws_its_intervals(text, paper_result):
+    screen = text[text.index("<main") : text.index('id="experiment"')]
+    says = re.search(r'class="finding">(.*?)</p>', screen)[1].replace("\u00a0", " ")
+    # Section 7 of the paper: GT tracks faster than EqT, which is superior to nog.
+    assert re.match(r"Smaller mean attitude error than EqT: .*GT \(−.*Larger: nog \(\+", says)
+    assert "<code>" not in screen and "--" not in re.sub("<!--|-->", "", screen)
+    first = re.search(r'<table class="interval".*?</table>', screen, re.DOTALL)[0]
+    rows = re.findall(r'<tr data-law="(\d)" .*?class="(\w+)">(.*?)</tr>', first, re.DOTALL)
+    with open_at(paper_result) as results:
+        error = results["mean_attitude_error"]
+        labels = results.labels
+    away = 100 * np.median(error / error[0] - 1, axis=1)
+    assert [int(law) for law, _, _ in rows] == np.argsort(away).tolist()
+    assert [word for law, word, _ in rows if labels[int(law)] in ("gt", "nog")] == [
+        "better",
+        "worse",
+    ]
+    # Of a dot, the place on the scale that its two ticks and the median give.
+    dots = [float(re.search(r'class="dot" style="left:([\d.]+)%', row)[1]) for _, _, row in rows]
+    ticks = re.findall(r'<span style="left:([\d.]+)%">([^<]+)<', first)
+    places, values = np.array([(at, value.replace("−", "-")) for at, value in ticks], float).T
+    assert dots == pytest.approx(np.interp(sorted(away), values, places), abs=0.3)
 
 
 def test_a_law_is_better_or_worse_in_words_for_those_who_hear_the_page(text):

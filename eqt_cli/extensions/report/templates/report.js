@@ -49,6 +49,7 @@
   runTable();
   if ($("data-animation")) player(JSON.parse($("data-animation").textContent));
   downloads();
+  lawsInFigures();
   window.addEventListener("hashchange", linked);
   // What is folded cannot be opened on paper.
   window.addEventListener("beforeprint", () => {
@@ -60,6 +61,36 @@
   function linked() {
     const run = location.hash.match(/^#run-(\d+)$/);
     if (run && picked && picked.chooseRun(Number(run[1]))) $("picker").scrollIntoView();
+  }
+
+  // A law that is pointed at, in the intervals or in a figure, stands out; its button hides it.
+  function lawsInFigures() {
+    const rows = [...document.querySelectorAll("tr[data-law]")];
+    const curves = [...document.querySelectorAll(".paper [id*='-law-']")];
+    const lawOf = (part) => part.id.match(/-law-(\d+)-/)[1];
+    function point(law) {
+      for (const row of rows) row.classList.toggle("pointed", row.dataset.law === law);
+      for (const curve of curves) curve.classList.toggle("dim", law !== null && lawOf(curve) !== law);
+    }
+    for (const row of rows) {
+      row.addEventListener("pointerenter", () => point(row.dataset.law));
+      row.addEventListener("pointerleave", () => point(null));
+    }
+    for (const curve of curves) {
+      const row = rows.find((one) => one.dataset.law === lawOf(curve));
+      if (!row) continue;
+      curve.prepend(element("title", {}, row.title));
+      curve.addEventListener("pointerenter", () => point(lawOf(curve)));
+      curve.addEventListener("pointerleave", () => point(null));
+    }
+    for (const button of document.querySelectorAll("tr[data-law] button")) {
+      button.addEventListener("click", () => {
+        const isShown = button.getAttribute("aria-pressed") === "false";
+        button.setAttribute("aria-pressed", String(isShown));
+        const law = button.closest("tr").dataset.law;
+        for (const curve of curves) if (lawOf(curve) === law) curve.classList.toggle("gone", !isShown);
+      });
+    }
   }
 
   // What can be kept: figures as SVG, tables as CSV, the configuration as YAML.
