@@ -242,7 +242,7 @@ SECTIONS = {
     "Vehicle": "plant actuators control sensors estimator",
     "Runs": "initial ensemble time solver store",
     "Sweeps and searches": "sweep tune worst",
-    "Metrics": "measure settling_threshold early_window closing_window metrics",
+    "Metrics": "measure settling_threshold failed_when early_window closing_window metrics",
     "Plugins": "plugins",
 }
 """The keys of a configuration in the order of its page; a new key needs a section."""

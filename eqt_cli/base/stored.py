@@ -199,6 +199,7 @@ class Status(IntEnum):
     DIVERGED = 7
     BY_ROUNDING = 8
     NO_ANSWER = 9
+    BOUND_CROSSED = 10
 
 
 def distinct_titles(titles: Mapping[str, str]) -> dict[str, str]:

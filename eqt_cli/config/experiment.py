@@ -19,6 +19,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import THRUSTER, distinct_titles
@@ -488,6 +489,10 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     }
     if metrics_of_runs := _metrics_of(config, plugins, loops.values(), problems):
         config = config.model_copy(update={"metrics": metrics_of_runs})
+    if config.failed_when is not None:
+        read = function_for("failed_when")
+        bounds = read(config.failed_when, loops, problems.at("failed_when"))
+        config = config.model_copy(update={"failed_when": bounds})
     problems.raise_if_any()
     _check_instants(
         next(iter(loops.values())), config.time.duration, config.solver.engine.rtol, problems

@@ -1020,6 +1020,10 @@ class Config(Section):
         such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
         {rotation: 5 deg, translation: 0.2}: the angle, and the distance ‖p − p_d‖; parts without a
         threshold do not count. Of the error of the angular velocity: {rate: 0.5 deg/s}.
+    failed_when
+        Where a run ends as failed: the largest size of errors, such as {position: 5 m, attitude: 90
+        deg}. Also `pointing`, `heading`, `velocity`, `rate`, and any signal of one number by its
+        name, `torque_norm_rotation`. A number without a unit is in m, rad, s, N, …
     measure
         The window of time over which metrics are taken, such as {start: 20 s}; default: whole runs.
     early_window
@@ -1063,6 +1067,7 @@ class Config(Section):
     tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None
     worst: Annotated[WorstSection | None, NotSwept("chooses its own points"), SEARCH] = None
     settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
+    failed_when: Annotated[dict[str, Any] | None, ON_GROUP] = None
     measure: Annotated[MeasureSection | None, NotSwept("decides what a result contains")] = None
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None

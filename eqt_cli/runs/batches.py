@@ -290,7 +290,7 @@ def kind_of(experiment: Experiment, label: str) -> Hashable:
     loop, config = experiment.loops[label], experiment.config
     parts = [structure(x) for x in (loop.inertia, loop.gains, loop.vehicle, *loop.known_forces)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
-    known = json.dumps([experiment.solver.resolved, judged])
+    known = json.dumps([experiment.solver.resolved, judged, config.failed_when])
     placing = _placing(experiment.start.poses)
     return (*parts, loop.controller.structure, repr(loop.reference), known, placing)
 

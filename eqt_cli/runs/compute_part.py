@@ -15,6 +15,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, distinct, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import read_arrays
@@ -388,10 +389,13 @@ def _solve(
         first.status[second.status == Status.STOPPED] = Status.STOPPED
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
+    first = replace(first, numbers=first.numbers | {"error_estimate": estimate})
+    if most := batch.experiment.config.failed_when:
+        function_for("failed_when of a loop")(most, batch.problem.loop).end_runs(batch, first)
     limit = solver.judgement.max_error
     if solver.estimates_errors and limit is not None:
         _judge(first, estimate, limit)
-    return replace(first, numbers=first.numbers | {"error_estimate": estimate})
+    return first
 
 
 def measured(
@@ -429,6 +433,9 @@ def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Nu
     none: dict[str, Any] = {"of": lambda over, error: np.nan * over.final(error)}
     none["signals"] = ("pose_error",)
     metrics = [replace(row, **none) if without & set(row.signals) else row for row in metrics]
+    if config.failed_when:
+        bounds = function_for("failed_when of a loop")(config.failed_when, problem.loop)
+        metrics.append(bounds.largest)
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = sorted({key for m in metrics for key in (*m.settings.values(), *m.choices.values())})
     values = {key: getattr(config, key) for key in keys}

@@ -168,6 +168,7 @@ def test_numbers_of_ends_of_runs_never_change():
         "DIVERGED": 7,
         "BY_ROUNDING": 8,
         "NO_ANSWER": 9,
+        "BOUND_CROSSED": 10,
     }
 
 

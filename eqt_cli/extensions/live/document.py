@@ -91,6 +91,11 @@ def live_page(
     """
     engine = study.base.engine
     assert isinstance(engine, Native)
+    if study.base.config.failed_when:
+        raise EqtError(
+            "failed_when: runs in a page do not end at a bound, so that they would differ from "
+            "eqt run; leave it out by --set failed_when=null"
+        )
     wasm.command()
     runs = min(runs_of(study), len(result["status"][0]))
     panels = _panels(result)
