@@ -28,6 +28,7 @@ extensions = [
     "symbols",
     "offline",
     "live_page",
+    "loops",
 ]
 
 # Pages.

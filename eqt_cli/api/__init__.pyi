@@ -19,6 +19,7 @@ from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.budget import *
 from eqt_cli.extensions.citations import *
+from eqt_cli.extensions.diagram import *
 from eqt_cli.extensions.diff import *
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.gym import *

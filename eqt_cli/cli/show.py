@@ -24,8 +24,15 @@ TABLES, FORMATS = ("metrics", "unsettled"), ("csv", "jsonl", "parquet")
 
 
 def show(
-    result: options.Result,
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT",
+            help="Result folder, or the results.h5 in it; for --diagram also a configuration.",
+        ),
+    ],
     config: Annotated[bool, options.option("--config")] = False,
+    diagram: Annotated[bool, options.option("--diagram")] = False,
     plugins: Annotated[bool, options.option("--plugins")] = False,
     variables: Annotated[bool, options.option("--variables")] = False,
     failed: Annotated[bool, options.option("--failed")] = False,
@@ -37,6 +44,8 @@ def show(
     run: Annotated[int | None, options.option("--run")] = None,
     point: options.Point = None,
     unit: options.Units = None,
+    out: Annotated[Path | None, options.option("--out")] = None,
+    trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
     """Summarise a result: the experiment, its versions, and the main numbers.
@@ -45,6 +54,8 @@ def show(
     -------
     What to show
         --config  Print the resolved configuration.
+        --diagram  Draw the loop of a configuration or a result as blocks, with what differs between
+            its laws: as text, or by --out as a picture.
         --plugins  Print the stored plugin sources.
         --variables  List the variables.
         --failed  List all failed runs.
@@ -59,9 +70,13 @@ def show(
         --run K  Number of the run. Without --export, what it drew and how it ended.
     Output
         --format NAME  Format of --table: csv, jsonl or parquet. Default: csv.
+        --out FILE  File of --diagram: .svg or .html.
     """
-    if format_ and not table:
-        raise EqtError("--format: applies to --table only; --json prints the rest for programs")
+    if diagram or out:
+        if not diagram:
+            raise EqtError("--out: applies to --diagram only; print the rest to a file by > FILE")
+        function_for("show --diagram")(result, out, point, trust_plugins)
+        return
     laws, is_of_runs = controller or [], failures or run is not None
     if laws and not (export or is_of_runs):
         raise EqtError("--controller: applies to --export, --run and --failures only")
@@ -86,12 +101,7 @@ def show(
     from eqt_cli.api.loading import open_at
     from eqt_cli.cli.result_tables import print_table
 
-    if json and table:
-        raise EqtError(
-            "--json: is not available for a table; use --format jsonl, one document per row"
-        )
-    _check_known("table", table, TABLES)
-    _check_known("format", format_, FORMATS)
+    _check_table(table, format_, json)
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:
@@ -101,6 +111,17 @@ def show(
             print_table(results, table, format_ or FORMATS[0])
         else:
             (view or _summary)(results, json)
+
+
+def _check_table(table: str | None, format_: str | None, json: bool) -> None:
+    if format_ and not table:
+        raise EqtError("--format: applies to --table only; --json prints the rest for programs")
+    if json and table:
+        raise EqtError(
+            "--json: is not available for a table; use --format jsonl, one document per row"
+        )
+    _check_known("table", table, TABLES)
+    _check_known("format", format_, FORMATS)
 
 
 def _check_known(option: str, value: str | None, known: Sequence[str]) -> None:

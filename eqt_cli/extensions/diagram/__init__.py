@@ -1,0 +1,8 @@
+"""The loop of a configuration as a block diagram, in SVG and as text."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_function("show --diagram", "commands.show")

@@ -1,0 +1,2 @@
+from eqt_cli.extensions.diagram.api import LoopDiagram as LoopDiagram
+from eqt_cli.extensions.diagram.api import diagram as diagram

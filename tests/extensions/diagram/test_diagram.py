@@ -1,0 +1,79 @@
+"""The diagram has every block that the engines evaluate, in text and in both pictures."""
+
+import re
+from dataclasses import dataclass, replace
+from xml.etree import ElementTree
+
+import pytest
+
+import eqt_cli
+from eqt_cli.components import blocks
+from eqt_cli.config import shipped
+from eqt_cli.config.document import read_config
+from eqt_cli.config.study import study, without_sweep
+from eqt_cli.extensions.diagram.wires import Wire, observed
+from eqt_cli.loop import closed_loop
+
+pytestmark = pytest.mark.needs("diagram")
+
+WHEELS = "satellite_wheels"
+
+
+@dataclass(frozen=True)
+class Planted(blocks.Block):
+    """Doubles what passes."""
+
+    source: str
+
+    def output(self, now):
+        return 2.0 * now[self.source]
+
+
+def words_of(picture):
+    return " ".join(" ".join(ElementTree.fromstring(picture).itertext()).split())
+
+
+def test_a_planted_block_is_drawn_between_those_that_it_joins(monkeypatch):
+    blocks_of = closed_loop.blocks_of
+
+    def with_planted(*arguments):
+        walk = [*blocks_of(*arguments).named.values()]
+        k = next(k for k, block in enumerate(walk) if isinstance(block, blocks.Forces))
+        planted = Planted("doubler", (), walk[k].source)
+        return blocks.Blocks([*walk[:k], planted, replace(walk[k], source="doubler.output")])
+
+    monkeypatch.setattr(closed_loop, "blocks_of", with_planted)
+    loop = eqt_cli.diagram("sweep_lag")
+    assert re.search(r"─ .*: lag.*▼ τ.*─ doubler.*Doubles what passes.*─ plant", loop.text(), re.S)
+    for narrow in (False, True):
+        assert "doubler Doubles what passes" in words_of(loop.svg(narrow=narrow))
+
+
+def test_a_wire_is_what_a_block_has_read():
+    loop = eqt_cli.load_experiment("cubesat_orbit").base.loop
+    _, wires = observed(loop)
+    assert Wire("actuators_0.momentum", "actuators_1") in wires
+    assert "reads momentum of 4 wheels" in eqt_cli.diagram("cubesat_orbit").text()
+
+
+def test_laws_are_told_apart_by_what_differs():
+    text = eqt_cli.diagram("quadrotor_lee").text()
+    assert "▸ no rates: rates none" in text and "▸ model: rates model" in text
+    assert text.count("Lee 2010") == 1
+    assert "┌╌ sensors: exact ╌" in text and "acts continuously" in text
+
+
+@pytest.mark.ci("draws all shipped configurations")
+@pytest.mark.parametrize("name", shipped.names())
+def test_a_shipped_configuration_has_all_its_parts_in_the_diagram(name):
+    base = study(without_sweep(read_config(shipped.folder() / f"{name}.yaml", []))).base
+    loop = eqt_cli.diagram(name)
+    text, wide = loop.text(), words_of(loop.svg())
+    assert max(map(len, text.splitlines())) <= 80
+    for drawn in (text, wide, words_of(loop.svg(narrow=True))):
+        bare = re.sub(r"\s", "", drawn)
+        for title in base.titles.values():
+            assert title.replace(" ", "") in bare
+        for place, part in base.vehicle.parts.items():
+            for word in getattr(part, "members", {}) or [getattr(part, "name", "")]:
+                assert word.replace("_", "") in bare, place
