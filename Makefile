@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check notebooks sheets test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check notebooks sheets suite test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -45,6 +45,10 @@ notebooks: $(VENV)/.stamp-base ## execute the notebooks of examples, and store t
 
 sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colour, grey, two colour blindnesses
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
+
+# Searches that results/suite holds are used again. ARGS='--laws eqt,gt --tasks quad_att' computes some only.
+suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: hours
+	$(BIN)/eqt suite archive $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.
 test test-core test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1

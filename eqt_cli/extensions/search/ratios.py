@@ -43,14 +43,24 @@ def joined(of_samples: Array, of_runs: Array, confidence: float) -> Interval:
     Interval
         Of one sample, that over runs alone. The ends are NaN for fewer than `FEWEST` runs.
     """
+    return joined_over([(of_samples, of_runs)], confidence)
+
+
+def joined_over(tasks: Sequence[tuple[Array, Array]], confidence: float) -> Interval:
+    """Return the mean over fixed tasks of what `joined` returns for one of them.
+
+    Samples and runs of two tasks are independent, so their variances add.
+    """
     from scipy.special import stdtrit  # slow to import
 
-    mean, samples, runs = float(of_samples.mean()), len(of_samples), len(of_runs)
-    if runs < FEWEST:
-        return Interval(mean, math.nan, math.nan)
-    parts = [(float(np.var(of_runs, ddof=1)) / runs, runs - 1)]
-    if samples > 1:
-        parts.append((float(np.var(of_samples, ddof=1)) / samples, samples - 1))
+    mean, parts = float(np.mean([of_samples.mean() for of_samples, _ in tasks])), []
+    for of_samples, of_runs in tasks:
+        samples, runs, weight = len(of_samples), len(of_runs), len(tasks) ** -2
+        if runs < FEWEST:
+            return Interval(mean, math.nan, math.nan)
+        parts.append((weight * float(np.var(of_runs, ddof=1)) / runs, runs - 1))
+        if samples > 1:
+            parts.append((weight * float(np.var(of_samples, ddof=1)) / samples, samples - 1))
     variance = sum(part for part, _ in parts)
     if variance == 0:
         return Interval(mean, mean, mean)
@@ -155,28 +165,42 @@ def ratio(
     samples = sorted(first.keys() & second.keys())
     values, quantity = result.counted(metric), result.quantity(metric)
     a, b = (values[[rows[s] for s in samples]] for rows in (first, second))
+    return paired(a, b, one["label"], other["label"], metric, quantity.better, confidence)
+
+
+def paired(
+    a: Array, b: Array, first: str, second: str, metric: str, better: str, confidence: float = 0.95
+) -> Ratio:
+    """Return the ratio of the errors of two laws, ``(samples, runs)``, NaN where a run failed."""
     both = np.isfinite(a).all(axis=0) & np.isfinite(b).all(axis=0)
-    a, b, about = a[:, both], b[:, both], (one["label"], other["label"], metric, quantity.better)
-    runs = int(both.sum())
-    nan = math.nan
-    none = Ratio(*about, nan, nan, nan, nan, nan, runs, len(samples))
+    a, b, about = a[:, both], b[:, both], (first, second, metric, better)
+    samples, runs, nan = len(a), int(both.sum()), math.nan
+    none = Ratio(*about, nan, nan, nan, nan, nan, runs, samples)
     if not samples or not runs or min(a.min(), b.min()) < 0:
         return none
-    mean_a, mean_b = a.mean(axis=1), b.mean(axis=1)
-    if min(mean_a.min(), mean_b.min()) <= 0:
+    if min(a.mean(axis=1).min(), b.mean(axis=1).min()) <= 0:
         return none
+    value, low, high = (math.exp(x) for x in joined(*logs_of(a, b), confidence))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_pairs = np.where(a == b, 1.0, a / b)
+    middle = np.median(of_pairs, axis=1)
+    median = float(np.exp(np.log(middle).mean())) if (middle > 0).all() else math.nan
+    less = ((a < b) + (a == b) / 2).mean()
+    ahead = float(less if better != "higher" else 1 - less)
+    return Ratio(*about, value, low, high, median, ahead, runs, samples)
+
+
+def logs_of(a: Array, b: Array) -> tuple[Array, Array]:
+    """Return the logarithm of the ratio of means on each sample, and what each run adds to it.
+
+    Both are 0 for one law, up to rounding.
+    """
+    mean_a, mean_b = a.mean(axis=1), b.mean(axis=1)
     of_runs = (a / mean_a[:, None] - b / mean_b[:, None]).mean(axis=0)
     logs = np.log(mean_a / mean_b)
     if np.abs(a - b).max() <= RESOLUTION * max(mean_a.max(), mean_b.max()):
-        logs, of_runs = 0 * logs, 0 * of_runs  # one law, up to rounding
-    value, low, high = (math.exp(x) for x in joined(logs, of_runs, confidence))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        paired = np.where(a == b, 1.0, a / b)
-    middle = np.median(paired, axis=1)
-    median = float(np.exp(np.log(middle).mean())) if (middle > 0).all() else math.nan
-    less = ((a < b) + (a == b) / 2).mean()
-    ahead = float(less if quantity.better != "higher" else 1 - less)
-    return Ratio(*about, value, low, high, median, ahead, runs, len(samples))
+        return 0 * logs, 0 * of_runs
+    return logs, of_runs
 
 
 def ratios(

@@ -1,0 +1,171 @@
+"""`eqt suite`: a law in one file beside the laws of the archive, on standard tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eqt_cli.cli import options, output
+from eqt_cli.cli.options import Command, Group, example
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.suite.archive import Archive
+    from eqt_cli.extensions.suite.tasks import Task
+
+TableFormat = StrEnum(
+    "TableFormat", {"TEXT": "text", "LATEX": "latex", "CSV": "csv", "HTML": "html"}
+)
+
+
+class _Suite(Group):
+    """The group, in which a law's file stands for ``run FILE``."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is named, or `run`."""
+        is_named = args[0] in self.commands or args[0].startswith("-")
+        return super().resolve_command(ctx, args if is_named else ["run", *args])
+
+
+app = typer.Typer(
+    cls=_Suite,
+    help="Judge tracking laws on standard tasks, at equal effort, beside the laws of an archive.",
+    epilog=example("eqt suite", "mylaw.py"),
+    invoke_without_command=True,
+)
+
+Tasks = Annotated[str | None, options.option("--tasks")]
+Laws = Annotated[str | None, options.option("--laws")]
+
+
+def _names(listed: str | None) -> list[str]:
+    return [name.strip() for name in (listed or "").split(",") if name.strip()]
+
+
+@app.callback()
+def main(ctx: typer.Context, json: options.Json = False) -> None:
+    """Judge tracking laws on standard tasks, at equal effort, beside the laws of an archive."""
+    if ctx.invoked_subcommand is not None:
+        return
+    from eqt_cli.extensions.suite.archive import shipped_archive
+    from eqt_cli.extensions.suite.overview import overview_record, overview_table
+    from eqt_cli.extensions.suite.tasks import all_tasks
+
+    tasks, archive = all_tasks(), shipped_archive()
+    if json:
+        return output.print_json(overview_record(tasks, archive))
+    output.print_text(*overview_table(tasks, archive))
+
+
+@app.command("run", cls=Command, epilog=example("eqt suite run", "mylaw.py"))
+def run(
+    law: Annotated[
+        str,
+        typer.Argument(
+            metavar="LAW",
+            help="The law's file: .py, .c[:FUNCTION], .yaml of a network; or a label.",
+        ),
+    ],
+    gains: Annotated[Path | None, options.option("--gains")] = None,
+    tasks: Tasks = None,
+    out: options.Out = None,
+    workers: options.Workers = None,
+    force: Annotated[bool, options.option("--force")] = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Tune a law on each task, judge it on held-out runs, and print it beside the archive.
+
+    The word `run` may be left out. After an interruption, run the same command again.
+
+    Options
+    -------
+    Experiment
+        --gains FILE  YAML with your gains by task, {quad_att: {kp: 2.0, kd: 0.4}}, which are
+            judged as they are.
+        --tasks A,B  Only these tasks; then there is no mean over tasks.
+    """
+    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite.laws import read_law, shipped_laws
+    from eqt_cli.extensions.suite.tasks import chosen_tasks
+
+    shipped = shipped_laws()
+    chosen = shipped[law] if law in shipped and not Path(law).exists() else read_law(law)
+    wanted = chosen_tasks(_names(tasks))
+    folder, cores = out or suite.FOLDER / chosen.label, workers or options.cores()
+    if gains is not None:
+        part = suite.judge_stated(chosen, gains, wanted, folder, cores)
+    else:
+        part = suite.judge_law(chosen, wanted, folder, cores, force=force)
+    beside = suite.with_archive(part, chosen_tasks([]), folder.parent, cores)
+    _print(beside, chosen_tasks([]), TableFormat.TEXT, json=json, laws=list(part.laws))
+    output.print_text(f"results  {folder}", f"next     eqt suite pack {folder}")
+
+
+@app.command("archive", cls=Command, epilog=example("eqt suite archive", "--out archive.zip"))
+def archive(
+    out: Annotated[Path | None, options.option("--out")] = None,
+    laws: Laws = None,
+    tasks: Tasks = None,
+    folder: Annotated[Path | None, options.option("--folder")] = None,
+    workers: options.Workers = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compute the archive anew: all its laws on all tasks, which takes an hour or more.
+
+    Searches that the folder holds are used again.
+
+    Options
+    -------
+    Experiment
+        --laws A,B  Only these laws.
+        --tasks A,B  Only these tasks.
+    Result
+        --out FILE  File of the archive. Default: that of the installed eqt.
+        --folder DIR  Folder of the searches. Default: results/suite.
+    """
+    from eqt_cli.extensions.suite import archive as archives
+    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite.tasks import chosen_tasks
+
+    path, cores = out or archives.ARCHIVE, workers or options.cores()
+    whole = suite.write_archive(_names(laws), _names(tasks), path, folder or suite.FOLDER, cores)
+    _print(whole, chosen_tasks(_names(tasks)), TableFormat.TEXT, json=json)
+    output.print_text(f"archive  {path}, {path.stat().st_size / 1e6:.2f} MB")
+
+
+def _print(
+    archive: Archive,
+    tasks: dict[str, Task],
+    format: TableFormat,
+    *,
+    json: bool,
+    laws: Sequence[str] = (),
+) -> None:
+    """Print what is said of judged laws, the given ones first."""
+    from eqt_cli.cli.tables import as_csv, as_latex
+    from eqt_cli.extensions.suite import tables, verdicts
+    from eqt_cli.results.quantity import Latex, Plain
+
+    if json:
+        return output.print_json(tables.judged_records(archive, tasks))
+    write = Latex() if format is TableFormat.LATEX else Plain()
+    of_tasks = verdicts.verdicts(archive, tasks)
+    rows = verdicts.overall(of_tasks, archive, tasks)
+    shown = [tables.overall_table(rows, archive, write)] if rows else []
+    shown.append(tables.task_table(of_tasks, archive, tasks, write))
+    if format is TableFormat.CSV:
+        return output.print_verbatim(as_csv([each.record() for each in of_tasks]))
+    if format is TableFormat.LATEX:
+        lines = [f"% {tables.heading(tasks)}", *map(as_latex, shown)]
+        return output.print_verbatim("\n\n".join(lines))
+    for law in laws:
+        lines = tables.answer(law, of_tasks, rows, archive.laws[law].title)
+        output.print_text(*lines, "")
+    for table in shown:
+        output.print_text(output.laid_out(table), "")
+    output.print_text(f"suite    {tables.heading(tasks)}")

@@ -1,0 +1,305 @@
+"""Laws of the suite: those that are shipped, and those in a file of the user."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.base import yaml_source
+from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key, suggestion
+from eqt_cli.base.files import text_of
+from eqt_cli.base.option_types import shown, validated
+from eqt_cli.base.registry import load_plugin
+from eqt_cli.components.laws import controllers
+from eqt_cli.config.document import Document, entries_of, remember_executed, value_at, with_value
+from eqt_cli.config.schema import TunedAxis
+from eqt_cli.extensions.search.law_search import range_of
+from eqt_cli.extensions.suite.tasks import Task
+
+SHIPPED = Path(__file__).with_name("laws.yaml")
+"""The laws of the archive."""
+
+MOST_OWN = 4
+"""Largest number of own numbers that a law may tune beside its gains."""
+
+TUNES = "tunes"
+"""Attribute of a class in Python, and word of a comment in C, with the ranges of own numbers."""
+
+_COMMENT = re.compile(r"/\*\s*tunes\s*:(.*?)\*/|//\s*tunes\s*:([^\n]*)", re.DOTALL)
+_FUNCTION = re.compile(r"\b(\w+)_torque\s*\(")
+_FIELD = re.compile(r"(\w+)\s*(?:\[\s*(\d+)\s*\])?\s*(?=[,;])")
+
+Ranges = dict[str, Any]
+"""Ranges of a law's own numbers, in the words of `tune`."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law that the suite judges.
+
+    Attributes
+    ----------
+    label
+        Its name in tables.
+    entry
+        Its entry in a configuration, without gains.
+    tunes
+        Ranges of its own numbers.
+    kind
+        ``shipped``, ``Python``, ``C`` or ``network``.
+    file
+        The user's file; None of a shipped law.
+    text
+        Its source.
+    fields
+        Of C, the sizes of the fields of its numbers.
+    only
+        The tasks that it is for; empty for all that take it.
+    """
+
+    label: str
+    entry: dict[str, Any]
+    tunes: Ranges = field(default_factory=dict)
+    kind: str = "shipped"
+    file: Path | None = None
+    text: str = ""
+    fields: Mapping[str, int] = field(default_factory=dict)
+    only: tuple[str, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """Hash of what it computes: of its source and options, not of its name or its file."""
+        entry = {key: value for key, value in self.entry.items() if key not in ("file", "label")}
+        text = json.dumps([self.text, entry, self.tunes], sort_keys=True)
+        return sha256(text.encode()).hexdigest()
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Its own numbers where a search starts: in the middle of their ranges."""
+        return {name: _middle(written) for name, written in self.tunes.items()}
+
+    def in_task(self, task: Task) -> Document:
+        """Return the configuration of a task with this law, at the starting values."""
+        document, place = task.document, task.place
+        entry: dict[str, Any] = dict(self.entry) | ({} if self.fields else self.start)
+        data = document.data
+        if self.fields:
+            entry["numbers"] = self._numbers(task)
+        if place == ("controllers", 0):
+            entry["label"] = self.label
+        else:
+            data = with_value(data, ("controllers", 0, "label"), self.label)
+        data = with_value(data, place, entry)
+        if self.kind == "Python" and "file" not in self.entry:
+            data = data | {"plugins": [str(self.file)]}
+        origin = str(self.file or self.label)
+        return replace(document, data=data, changes={place: origin, ("plugins",): origin})
+
+    def over(self, task: Task) -> dict[str, Any]:
+        """Return the keys that a search for this law varies in a task, with their ranges."""
+        of_gains = {
+            name: written
+            for name, written in task.ranges.items()
+            if "." in name or not self.fields or name.partition("[")[0] in self.fields
+        }
+        return {self.key(name, task): written for name, written in (of_gains | self.tunes).items()}
+
+    def key(self, name: str, task: Task) -> str:
+        """Return the key of a gain, or of an own number, in the configuration of a task."""
+        entry = task.document.data["controllers"][0]
+        of_law = "controllers[0]" + "".join(f".{key}" for key in task.place[2:])
+        if "." in name:
+            return name
+        if self.fields:
+            return f"{of_law}.numbers.{name}"
+        if name in self.tunes:
+            return f"{of_law}.{name}"
+        has_gains = isinstance(entry, dict) and "gains" in entry
+        return f"controllers[0].gains.{name}" if has_gains else f"gains.{name}"
+
+    def _numbers(self, task: Task) -> dict[str, Any]:
+        """Return the numbers of code in C: its gains, the inertia of the model, and its own."""
+        numbers: dict[str, Any] = dict(self.start)
+        gains: dict[str, Any] = task.document.data.get("gains", {})
+        for name in ("kp", "kd"):
+            if name in self.fields and name in gains:
+                numbers[name] = _of_size(gains[name], self.fields[name], name)
+        if "J" in self.fields:
+            inertia = task.document.data.get("inertia")
+            numbers["J"] = _of_size(inertia, self.fields["J"], "J")
+        return numbers
+
+
+def _of_size(value: Any, size: int, name: str) -> Any:
+    """Return a gain or an inertia as so many numbers."""
+    if isinstance(value, int | float):
+        return value if size == 1 else [value] * size
+    rows = value if isinstance(value[0], list) else None
+    entries = [x for row in value for x in row] if rows else list(value)
+    if len(entries) == size:
+        return entries
+    if rows is None and len(entries) ** 2 == size:
+        return [x if i == k else 0 for i, x in enumerate(entries) for k in range(len(entries))]
+    raise InputError(
+        f"numbers.{name}: the task has {len(entries)} numbers, and {name} has room for {size}"
+    )
+
+
+def _middle(written: Any) -> float:
+    axis = range_of(_parsed(written), Problems())
+    if axis is None:
+        raise InputError(f"expected {{log: [low, high]}} or [low, high], got {written}")
+    both = math.sqrt(axis.low * axis.high) if axis.scale == "log" else (axis.low + axis.high) / 2
+    return float(f"{both:.6g}")
+
+
+def _parsed(written: Any) -> Any:
+    problems = Problems()
+    axis = validated(TunedAxis, written, problems)
+    problems.raise_if_any()
+    return axis
+
+
+def shipped_laws() -> dict[str, Law]:
+    """Return the laws of the archive by label."""
+    source = yaml_source.load(text_of(SHIPPED, "the laws of the suite").encode(), SHIPPED.name)
+    laws = {}
+    for label, written in source.data.items():
+        options = written or {}
+        entry = {"kind": label, **options.get("options", {})}
+        only = tuple(options.get("tasks", ()))
+        law = Law(label, entry, options.get(TUNES, {}), only=only)
+        if file := options.get("file"):
+            law = replace(read_law(str(SHIPPED.parent / file)), label=label, only=only)
+        laws[label] = law
+    return laws
+
+
+def read_law(text: str) -> Law:
+    """Return the law in a file of the user, ``mylaw.py``, ``mylaw.c:function`` or ``net.yaml``.
+
+    Raises
+    ------
+    EqtError
+        If there is no such file, or no law in it.
+    """
+    name, function = _file_and_function(text)
+    path = Path(name)
+    source = text_of(path, "it has the law: .py, .c, .cpp, or .yaml of a network")
+    if path.suffix == ".py":
+        law = _in_python(path, source, function)
+    elif path.suffix in (".c", ".cpp", ".cc", ".cxx"):
+        law = _in_c(path, source, function)
+    else:
+        raise EqtError(f"{text}: expected a law in .py, .c, .cpp or .yaml")
+    if len(law.tunes) > MOST_OWN:
+        raise EqtError(
+            f"{path}: {TUNES} has {len(law.tunes)} numbers; a law tunes at most {MOST_OWN} beside "
+            "kp and kd, so that all laws have searches of like size"
+        )
+    for number, written in law.tunes.items():
+        try:
+            _middle(written)
+        except EqtError as error:
+            raise EqtError(f"{path}: {TUNES}.{number}: {error}") from None
+    return law
+
+
+def _file_and_function(text: str) -> tuple[str, str]:
+    if Path(text).exists():
+        return text, ""
+    name, colon, function = text.rpartition(":")
+    return (name, function) if colon and Path(name).exists() else (text, "")
+
+
+def _in_python(path: Path, source: str, wanted: str) -> Law:
+    remember_executed(source)
+    added = load_plugin(path, source)
+    names = [each.split("'")[1] for each in added if each.startswith("controller ")]
+    if wanted and wanted not in names:
+        raise EqtError(f"{path}: has no law '{wanted}'; there are: {', '.join(names) or 'none'}")
+    if len(names) != 1 and not wanted:
+        raise EqtError(
+            f"{path}: has {len(names)} laws; "
+            + (f"name one: {path}:{names[0]}" if names else "derive a class from Controller")
+        )
+    kind = wanted or names[0]
+    tunes = dict(getattr(controllers.get(kind), TUNES, {}))
+    return Law(path.stem, {"kind": kind}, tunes, "Python", path.resolve(), source)
+
+
+def _in_c(path: Path, source: str, wanted: str) -> Law:
+    prefixes = list(dict.fromkeys(_FUNCTION.findall(source)))
+    wanted = wanted.removesuffix("_torque")
+    if (wanted and wanted not in prefixes) or not prefixes:
+        there = ", ".join(f"{prefix}_torque" for prefix in prefixes) or "none"
+        raise EqtError(f"{path}: has no function {wanted or 'X'}_torque; there are: {there}")
+    prefix = wanted or prefixes[0]
+    if len(prefixes) > 1 and not wanted:
+        raise EqtError(f"{path}: has several laws; name one: {path}:{prefix}_torque")
+    fields = _fields(source, prefix)
+    comment = _COMMENT.search(source)
+    tunes: Ranges = {}
+    if comment:
+        written = (comment[1] or comment[2] or "").strip()
+        tunes = yaml_source.parse_value(written, str(path))
+        if not isinstance(tunes, dict):
+            raise EqtError(f"{path}: {TUNES}: expected {{name: {{log: [low, high]}}}}")
+    for name in tunes:
+        if name not in fields:
+            raise EqtError(f"{path}: {TUNES} names {name}, which {prefix}_numbers has not")
+    entry = {"kind": "code", "file": str(path.resolve()), "function": f"{prefix}_torque"}
+    return Law(path.stem, entry, tunes, "C", path.resolve(), source, fields)
+
+
+def _fields(source: str, prefix: str) -> dict[str, int]:
+    """Return the sizes of the fields of the numbers of a law in C."""
+    plain = re.sub(r"/\*.*?\*/|//[^\n]*", "", source, flags=re.DOTALL)
+    body = re.search(r"struct\s*\w*\s*\{([^{}]*)\}\s*" + re.escape(prefix) + r"_numbers\b", plain)
+    fields: dict[str, int] = {}
+    for statement in (body[1] if body else "").split(";"):
+        _, _, names = statement.strip().partition(" ")
+        for name, size in _FIELD.findall(names + ";"):
+            fields[name] = int(size or 1)
+    return fields
+
+
+def starting(document: Document, keys: Iterable[str]) -> dict[str, Any]:
+    """Return the values of keys in a configuration."""
+    return {key: value_at(document.data, parse_key(entries_of(key)[0])) for key in keys}
+
+
+def stated_gains(law: Law, path: Path, tasks: Mapping[str, Task]) -> dict[str, dict[str, Any]]:
+    """Return the values that a file states for a law, by task: ``{quad_att: {kp: 2.0, kd: 0.4}}``.
+
+    Raises
+    ------
+    ConfigError
+        If a task or a number is unknown or missing.
+    """
+    source = yaml_source.load(text_of(path, "it has gains by task").encode(), str(path))
+    problems, values = Problems(source.key_place), dict[str, dict[str, Any]]()
+    for name, written in source.data.items():
+        here = problems.at(name)
+        if name not in tasks:
+            here.add(f"no such task{suggestion(name, tasks)}")
+            continue
+        task = tasks[name]
+        known = [*task.ranges, *law.tunes]
+        if not isinstance(written, dict):
+            here.add(f"expected {{{known[0]}: …}}, got {shown(written)}")
+            continue
+        for number, value in written.items():
+            if number not in known and number not in {one.partition("[")[0] for one in known}:
+                here.at(number).add(f"no number of this law{suggestion(number, known)}")
+            elif not isinstance(value, int | float | list) or isinstance(value, bool):
+                here.at(number).add(f"expected a number, got {shown(value)}")
+        values[name] = {law.key(number, task): value for number, value in written.items()}
+    problems.raise_if_any()
+    return values

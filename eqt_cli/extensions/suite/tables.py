@@ -1,0 +1,159 @@
+"""The tables of the suite, and the sentences that come first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, listed
+from eqt_cli.extensions.suite.archive import Archive
+from eqt_cli.extensions.suite.tasks import VERSION, Task, digest_of
+from eqt_cli.extensions.suite.verdicts import (
+    EQUAL,
+    FAILS,
+    VERDICTS,
+    Overall,
+    TaskVerdict,
+    overall,
+    sets_of,
+    verdicts,
+)
+from eqt_cli.results.quantity import Plain
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    """Return a ratio as ``0.873 [0.86, 0.89]``."""
+    if not math.isfinite(value):
+        return "-"
+    half = (high - low) / 2
+    digits = 2 if not math.isfinite(half) else 4 if half < 0.0005 else 3 if half < 0.05 else 2
+    ends = f" [{fixed(low, digits)}, {fixed(high, digits)}]" if math.isfinite(half) else ""
+    return fixed(value, digits) + ends
+
+
+def _cell(each: TaskVerdict) -> str:
+    """Return the ratio with its interval, or what failed."""
+    ratio = each.ratio
+    return each.failure or "-" if ratio is None else _interval(ratio.value, ratio.low, ratio.high)
+
+
+def task_table(
+    of_tasks: Sequence[TaskVerdict],
+    archive: Archive,
+    tasks: Mapping[str, Task],
+    write: Plain,
+    laws: Sequence[str] = (),
+) -> TextTable:
+    """Return the table of laws against the reference law by task."""
+    blocks = []
+    for name, task in tasks.items():
+        of_task = [x for x in of_tasks if x.task == name and (not laws or x.law in laws)]
+        rows = [_row(each, archive, write) for each in of_task]
+        if rows:
+            blocks.append(Block(write.text(f"{name}: {task.section.says}"), rows))
+    header = ["law", "ratio to GT", "median run", "better in", "failed", "effort", "verdict"]
+    notes = [
+        "ratio to GT: mean error over the mean error of GT, both tuned at the same effort on the "
+        "same training samples, with a 95 % interval over samples and held-out runs",
+        "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
+        "law spends on held-out runs, as a share of what all should spend",
+    ]
+    if any(each.judged.is_stated for each in of_tasks):
+        notes.append("stated: gains of the user, which the suite did not tune")
+    return TextTable(
+        "tasks", "Laws against GT, by task", header, blocks, list(map(write.text, notes))
+    )
+
+
+def _row(each: TaskVerdict, archive: Archive, write: Plain) -> list[str]:
+    law, ratio = archive.laws[each.law], each.ratio
+    title = law.title + (" (stated)" if each.judged.is_stated else "")
+    return [
+        write.text(title),
+        write.text(_cell(each)),
+        write.text(fixed(ratio.median, 3) if ratio else "-"),
+        write.text(f"{100 * ratio.ahead:.0f} %" if ratio else "-"),
+        f"{each.judged.failed}/{each.judged.runs}",
+        fixed(each.spent, 2),
+        each.verdict,
+    ]
+
+
+def overall_table(rows: Sequence[Overall], archive: Archive, write: Plain) -> TextTable:
+    """Return the table of laws over whole sets of tasks."""
+    blocks = []
+    for name in dict.fromkeys(row.tasks for row in rows):
+        of_law = [row for row in rows if row.tasks == name]
+        title = f"{name} tasks ({of_law[0].count})"
+        blocks.append(
+            Block(write.text(title), [_overall_row(row, archive, write) for row in of_law])
+        )
+    header = ["law", "geometric mean", "from", "to", *VERDICTS]
+    notes = [
+        "geometric mean: of the ratios to GT, with a 95 % interval over samples and held-out "
+        "runs; the tasks are fixed, and another set of tasks would give another number",
+        "from, to: the ratios of single tasks; then the number of tasks with each verdict",
+    ]
+    caption = "Laws against GT, over whole sets of tasks"
+    return TextTable("overall", caption, header, blocks, list(map(write.text, notes)))
+
+
+def _overall_row(row: Overall, archive: Archive, write: Plain) -> list[str]:
+    return [
+        write.text(archive.laws[row.law].title),
+        write.text(_interval(*row.ratio)),
+        fixed(row.least, 2),
+        fixed(row.largest, 2),
+        *(str(row.verdicts[word]) for word in VERDICTS),
+    ]
+
+
+def answer(
+    law: str, of_tasks: Sequence[TaskVerdict], rows: Sequence[Overall], title: str
+) -> list[str]:
+    """Say first what a law does against the reference law."""
+    of_law = [each for each in of_tasks if each.law == law]
+    said = []
+    for word in VERDICTS:
+        names = [f"{x.task} ({_cell(x)})" for x in of_law if x.verdict == word]
+        if names:
+            said.append(f"{word} on {listed(names)}")
+    lines = [f"{title} against GT: {'; '.join(said)}."]
+    for row in (row for row in rows if row.law == law):
+        over = f"Over {row.tasks} {count_of(row.count, 'task')}"
+        if math.isfinite(row.ratio.value):
+            ends = f"from {fixed(row.least, 2)} to {fixed(row.largest, 2)}"
+            mean = f"the geometric mean of the ratios is {_interval(*row.ratio)}, {ends}"
+            lines.append(f"{over}, {mean}.")
+        else:
+            lines.append(f"{over}, there is no mean: it fails on {row.verdicts[FAILS]}.")
+    if not any(row.law == law for row in rows):
+        lines.append("There is no mean over tasks: this needs a whole set of tasks.")
+    for each in of_law:
+        if abs(each.spent - 1) > EQUAL:
+            lines.append(
+                f"On {each.task}, it spends {fixed(each.spent, 2)} of what all should spend."
+            )
+    return lines
+
+
+def heading(tasks: Mapping[str, Task]) -> str:
+    """Name the suite, with the start of the digest of the tasks."""
+    return f"{VERSION}, digest {digest_of(dict(tasks))[:12]}"
+
+
+def judged_records(archive: Archive, tasks: Mapping[str, Task]) -> dict[str, Any]:
+    """Return all verdicts for programs."""
+    of_tasks = verdicts(archive, tasks)
+    return {
+        "suite": VERSION,
+        "digest": digest_of(dict(tasks)),
+        "sets": sets_of(tasks),
+        "laws": {
+            label: {"title": law.title, "kind": law.kind, "digest": law.digest, "eqt": law.eqt}
+            for label, law in archive.laws.items()
+        },
+        "tasks": [each.record() for each in of_tasks],
+        "overall": [row.record() for row in overall(of_tasks, archive, tasks)],
+    }

@@ -1,0 +1,204 @@
+"""What the suite says of laws: ratios to the reference law by task, and over all tasks.
+
+The ratio of a task is that of two tuned laws, with the interval of `eqt tune`. Over tasks it is the
+geometric mean, whose interval is over training samples and held-out runs; the tasks are fixed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.intervals import UNKNOWN, Interval, Word
+from eqt_cli.base.arrays import Array
+from eqt_cli.extensions.search.ratios import Ratio, joined_over, logs_of, paired
+from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
+from eqt_cli.extensions.suite.judging import Judged
+from eqt_cli.extensions.suite.tasks import REFERENCE, Task
+
+FAILS = "fails"
+"""Verdict on a law that fails in a held-out run, or that has no gains at the stated effort."""
+
+VERDICTS = (str(Word.BETTER), str(Word.ALIKE), str(Word.UNDECIDED), str(Word.WORSE), FAILS)
+"""All verdicts on a law on a task."""
+
+EQUAL = 0.05
+"""Difference of what a law spends on held-out runs from what it should, as a share, that is told:
+on other runs than those of the search, one and the same law spends up to 5 % more or less."""
+
+
+@dataclass(frozen=True)
+class TaskVerdict:
+    """A law against the reference law on one task.
+
+    Attributes
+    ----------
+    law, task
+        Their names.
+    ratio
+        Ratio of the means of the errors; None where the law fails.
+    spent
+        What the law spends on the held-out runs, as a share of what it should.
+    tuning
+        Mean error at the starting gains, in that at the found ones.
+    """
+
+    law: str
+    task: str
+    judged: Judged
+    ratio: Ratio | None
+    spent: float
+    tuning: float
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`."""
+        return FAILS if self.ratio is None else str(self.ratio.word)
+
+    @property
+    def failure(self) -> str:
+        """Say what failed; empty if nothing did."""
+        judged = self.judged
+        lacking = len(judged.values) - int(judged.with_gains.sum())
+        if lacking:
+            return f"no gains on {lacking} of {len(judged.values)} samples"
+        return f"failed {judged.failed}/{judged.runs}" if judged.failed else ""
+
+    def record(self) -> dict[str, Any]:
+        """Return the verdict for programs."""
+        ratio = self.ratio
+        numbers = {
+            "ratio": ratio.value if ratio else math.nan,
+            "low": ratio.low if ratio else math.nan,
+            "high": ratio.high if ratio else math.nan,
+            "median_run": ratio.median if ratio else math.nan,
+            "better_in": ratio.ahead if ratio else math.nan,
+        }
+        return {
+            "law": self.law,
+            "task": self.task,
+            "verdict": self.verdict,
+            **numbers,
+            "failed": self.judged.failed,
+            "runs": self.judged.runs,
+            "samples": len(self.judged.values),
+            "effort": self.spent,
+            "tuning": self.tuning,
+            "stated_gains": self.judged.is_stated,
+        }
+
+
+@dataclass(frozen=True)
+class Overall:
+    """A law over a whole set of tasks.
+
+    Attributes
+    ----------
+    law, tasks
+        The law, and the set: ``all``, ``attitude`` or ``pose``.
+    count
+        Number of tasks in the set.
+    ratio
+        Geometric mean of the ratios, with its interval; unknown where the law fails in a task.
+    least, largest
+        The ratios of single tasks.
+    verdicts
+        How often there is each of `VERDICTS`.
+    """
+
+    law: str
+    tasks: str
+    count: int
+    ratio: Interval
+    least: float
+    largest: float
+    verdicts: dict[str, int]
+
+    def record(self) -> dict[str, Any]:
+        """Return the numbers for programs."""
+        ends = {"geometric_mean": self.ratio.value, "low": self.ratio.low, "high": self.ratio.high}
+        spread = {"least": self.least, "largest": self.largest}
+        counts = {f"share_{word.replace(' ', '_')}": n for word, n in self.verdicts.items()}
+        return {"law": self.law, "tasks": self.tasks, "count": self.count, **ends, **spread} | {
+            name: number / self.count for name, number in counts.items()
+        }
+
+
+def verdict(law: JudgedLaw, reference: JudgedLaw, task: Task) -> TaskVerdict:
+    """Judge a law on a task, on which both were judged."""
+    one, other = law.tasks[task.name], reference.tasks[task.name]
+    _, bound = task.cost
+    ratio = None
+    if one.is_whole:
+        a, b = both_on_samples(one, other)
+        ratio = paired(a, b, law.label, reference.label, task.section.objective, "lower")
+    spent = float(np.nanmean(one.spent)) / bound if np.isfinite(one.spent).any() else math.nan
+    mean = float(np.nanmean(one.errors)) if one.runs > one.failed else math.nan
+    return TaskVerdict(law.label, task.name, one, ratio, spent, one.start / mean)
+
+
+def both_on_samples(one: Judged, other: Judged) -> tuple[Array, Array]:
+    """Return the errors of two laws on the same samples, ``(samples, runs)``.
+
+    A law with stated gains has the same ones on all samples.
+    """
+    samples = max(len(one.errors), len(other.errors))
+    a, b = (np.broadcast_to(each.errors, (samples, each.errors.shape[1])) for each in (one, other))
+    return a, b
+
+
+def verdicts(archive: Archive, tasks: Mapping[str, Task]) -> list[TaskVerdict]:
+    """Judge all laws on all tasks on which they were judged, task by task."""
+    reference = archive.laws.get(REFERENCE)
+    if reference is None:
+        return []
+    return [
+        verdict(law, reference, task)
+        for task in tasks.values()
+        if task.name in reference.tasks
+        for law in archive.laws.values()
+        if task.name in law.tasks
+    ]
+
+
+def sets_of(tasks: Mapping[str, Task]) -> dict[str, list[str]]:
+    """Return the sets of tasks over which laws are judged: all, and those for one kind of law."""
+    kinds = dict.fromkeys(task.section.laws for task in tasks.values())
+    sets = {"all": list(tasks)}
+    if len(kinds) > 1:
+        for kind in kinds:
+            sets[kind] = [name for name, task in tasks.items() if task.section.laws == kind]
+    return sets
+
+
+def overall(
+    of_tasks: Sequence[TaskVerdict], archive: Archive, tasks: Mapping[str, Task]
+) -> list[Overall]:
+    """Judge all laws over the whole sets of tasks; a law without one of the tasks has no row."""
+    rows = []
+    for name, members in sets_of(tasks).items():
+        for law in archive.laws.values():
+            of_law = [each for each in of_tasks if each.law == law.label and each.task in members]
+            if len(of_law) == len(members):
+                rows.append(_overall(law, archive.laws[REFERENCE], name, of_law))
+    return rows
+
+
+def _overall(
+    law: JudgedLaw, reference: JudgedLaw, name: str, of_law: Sequence[TaskVerdict]
+) -> Overall:
+    counts = {word: sum(each.verdict == word for each in of_law) for word in VERDICTS}
+    values = [each.ratio.value for each in of_law if each.ratio is not None]
+    mean = UNKNOWN
+    if len(values) == len(of_law):
+        parts = [
+            logs_of(*both_on_samples(law.tasks[each.task], reference.tasks[each.task]))
+            for each in of_law
+        ]
+        mean = Interval(*(math.exp(x) for x in joined_over(parts, 0.95)))
+    ends = (min(values), max(values)) if values else (math.nan, math.nan)
+    return Overall(law.label, name, len(of_law), mean, *ends, counts)
