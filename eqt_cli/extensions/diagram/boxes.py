@@ -31,17 +31,17 @@ from eqt_cli.components.blocks import (
     Reading,
 )
 from eqt_cli.components.laws import Controller, OuterLoop
-from eqt_cli.components.sensors import TIMING, Channel, Sensor
+from eqt_cli.components.sensors import TIMING, Channel, DynamicSensor, Sensor
 from eqt_cli.components.vehicle import (
     ACTUATORS,
     CLOCKS,
     ESTIMATOR,
     FORCES,
     INNER,
-    SENSOR,
     exactly_measured,
     place_of,
 )
+from eqt_cli.components.vehicle import VELOCITY as VELOCITY_SENSORS
 from eqt_cli.extensions.diagram.wires import Wire, observed
 from eqt_cli.extensions.diagram.wording import (
     option_texts,
@@ -363,16 +363,16 @@ def _inertia(loop: Loop) -> str:
 
 @boxes_of.register
 def _reading(block: Reading, loop: Loop) -> list[Box]:
-    place = _place_of_sensor(block.sensor, loop)
+    place = _places_of_moving(loop)[int(block.name.rpartition("_")[2])]
     lines = loop.options(place, block.sensor, measured=VELOCITY, without=TIMING)
     return [Box(place, f"{block.sensor.name} of the velocity", tuple(lines), (block.name,))]
 
 
-def _place_of_sensor(sensor: Sensor, loop: Loop) -> str:
-    """Return the place of a sensor of a run, whose numbers may have been drawn."""
-    sensors = loop.loop.vehicle.sensors()
-    moving = [place for place, each in sensors.items() if each.name == sensor.name]
-    return moving[0] if moving else f"{SENSOR}s"
+def _places_of_moving(loop: Loop) -> list[str]:
+    """Return the places of the sensors of the velocity whose states follow the motion."""
+    sensors = loop.loop.vehicle.sensors().items()
+    moving = [place for place, sensor in sensors if isinstance(sensor, DynamicSensor)]
+    return [place for place in moving if place.startswith(VELOCITY_SENSORS)]
 
 
 @boxes_of.register
@@ -388,7 +388,8 @@ def _noisy(block: Noisy, loop: Loop) -> list[Box]:
         true = ("the law reads the true", "pose and velocity")
         return [Box("sensors", "exact", true, names, is_ideal=True, gives=("Q, V",))]
     boxes, measured = [], dict[tuple[str, ...], list[Channel]]()
-    sensors = vehicle.sensors()
+    moving = _places_of_moving(loop)  # which have blocks
+    sensors = {place: x for place, x in vehicle.sensors().items() if place not in moving}
     for channel in vehicle.channels(G):
         at = [place for place, sensor in sensors.items() if _measures(sensor, place, channel)]
         measured.setdefault((channel.signal, *at), []).append(channel)
@@ -421,7 +422,7 @@ def _timing(channel: Channel, sensors: Sequence[Sensor], loop: Loop) -> list[str
     lines = [f"every {time_text(channel.every * control.tick)}"]
     if channel.delay:
         lines.append(f"arrives {time_text(channel.delay * control.tick)} later")
-    lines += [f"{brief(100 * each.dropout)} % lost" for each in sensors if each.dropout]
+    lines += [f"{brief(100 * sensor.dropout)} % lost" for sensor in sensors if sensor.dropout]
     return [", ".join(lines)]
 
 

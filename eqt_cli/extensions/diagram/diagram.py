@@ -98,7 +98,7 @@ def diagram_of(experiment: Experiment, swept: Sequence[str] = ()) -> Diagram:
     for label, loop in experiment.loops.items():
         law = experiment.laws[label]
         gains = tuple(_gains(experiment, label))
-        varied = _varied(loop.controller, [each.controller for each in experiment.loops.values()])
+        varied = _varied(loop.controller, [x.controller for x in experiment.loops.values()])
         described = Loop(loop, experiment.document.data, law.index, gains, varied)
         of_law[titles[label]] = described.stages()
     stages: dict[str, list[Lane]] = {}
@@ -123,12 +123,12 @@ def diagram_of(experiment: Experiment, swept: Sequence[str] = ()) -> Diagram:
 
 def _varied(law: Controller, laws: Sequence[Controller]) -> frozenset[str]:
     """Return the options of a law that other laws of its class have otherwise."""
-    alike = [plain_data(each) for each in laws if type(each) is type(law)]
+    alike = [plain_data(other) for other in laws if type(other) is type(law)]
     return frozenset(name for name in option_names(type(law)) if _differs(alike, name))
 
 
 def _differs(sections: Sequence[Mapping[str, Any]], name: str) -> bool:
-    return any(each.get(name) != sections[0].get(name) for each in sections)
+    return any(section.get(name) != sections[0].get(name) for section in sections)
 
 
 def _gains(experiment: Experiment, label: str) -> list[str]:

@@ -198,11 +198,11 @@ def _beside(panel: Panel, boxes: Sequence[Drawn], y: float, width: float, column
     else:
         panel.entries.append(y + PAD + 6)
         panel.exits.append(y + PAD + 6)
-    each = (width - PAD * (columns + 1)) / columns
+    share = (width - PAD * (columns + 1)) / columns
     for start in range(0, len(boxes), columns):
         heights = []
         for k, box in enumerate(boxes[start : start + columns]):
-            parts, height = _box(box, PAD + k * (each + PAD), y, each)
+            parts, height = _box(box, PAD + k * (share + PAD), y, share)
             panel.parts += parts
             heights.append(height)
         y += max(heights) + PAD
