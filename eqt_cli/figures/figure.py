@@ -402,6 +402,8 @@ def law_columns(
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
             layout.add_title(panels[top], law.title)
+    for axes in panels.values():
+        layout.open_frame(axes)
     layout.hide_inner_scales(panels, mosaic)
     return drawing, by_row
 

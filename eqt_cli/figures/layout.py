@@ -47,6 +47,9 @@ _PROSE = 0.95
 _SMALL = 0.833
 """Size of small type over the usual size, as in Matplotlib."""
 
+_LEAST_SIZE = 0.75
+"""Least size of a title over the usual size: of 8 pt, the 6 pt that journals ask for."""
+
 COLOUR_SCALE = "<colorbar>"
 """Matplotlib's label of the panel of a colour scale, which shows no numbers of its own."""
 NO_NUMBERS = "<density>"
@@ -58,8 +61,8 @@ _BETWEEN = 0.06
 """Least gap between two numbers side by side, in."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
-_NARROW_LETTERS = 12
-"""Number of panels whose letters, a to l, are narrower than half of that."""
+_MOST_LETTERS = 12
+"""Most panels that have letters, a to l."""
 _SMALLER = re.compile(r"\$[^$]*(\^|_|\\frac)")
 """Mathematics with letters that are smaller than the others."""
 _LABEL_REACH = 1.2
@@ -217,28 +220,25 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     """Write a user's text as the title of a panel beside its letter: centred, or small at right."""
-    is_wide = len(axes.figure.axes) > _NARROW_LETTERS
-    letters = (2 if is_wide else 1) / (2 if at_right else 1)  # a centred title has room for two
+    is_lettered = 1 < len(axes.figure.axes) <= _MOST_LETTERS
+    letters = (1 if at_right else 2) / 2 * is_lettered  # a centred title has room for two
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
     size = size_of_type("axes.titlesize") * (_SMALL if at_right else 1.0)
     # A little smaller rather than on two lines.
-    size *= min(1.0, max(_SMALL, _characters(room, size) / max(1, len(name))))
+    size *= min(1.0, max(_LEAST_SIZE, _characters(room, size) / max(1, len(name))))
     fit = max(_characters(room, size), *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
 
 def add_letters(figure: Figure) -> None:
-    """Letter the panels, (a), (b), …, above their left corners; a single panel needs none."""
+    """Letter the panels, (a), (b), …, above their left corners; a single panel needs none.
+
+    Nor do many, which have names, or a column and a row with names.
+    """
     panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_SCALE]
-    if len(panels) > 1:
+    if 1 < len(panels) <= _MOST_LETTERS:
         for number, axes in enumerate(panels):
-            axes.set_title(f"({_letter(number)})", loc="left")
-
-
-def _letter(number: int) -> str:
-    """Return a letter by number: a to z, then aa, ab, …."""
-    before, last = divmod(number, 26)
-    return (_letter(before - 1) if before else "") + ascii_lowercase[last]
+            axes.set_title(f"({ascii_lowercase[number]})", loc="left")
 
 
 def add_legend(

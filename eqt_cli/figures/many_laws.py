@@ -134,10 +134,10 @@ def _bound(panels: Sequence[Axes], middles: Sequence[Array], error: float, *, lo
         bottom = min(max(float(np.quantile(ends, _BULK)) / FAR, error), top / FAR)
         scale_log(panels[0], "y", np.array([bottom, top]))
     panels[0].set_ylim(bottom, top * FAR if far else top)
-    look: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "fontsize": "small"}
+    look: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": "small"}
     for axes, (name, curve) in zip(panels, curves.items(), strict=True):
         if name in far:
-            axes.annotate("diverges", (0.97, 0.95), va="top", **look)
+            axes.annotate("diverges", (0.97, 0.95), ha="right", va="top", **look)
         elif curve[-1] < bottom:
-            last = significant(float(curve[-1]), 1)
-            axes.annotate(f"to {last}", (0.97, 0.05), va="bottom", **look)
+            last = significant(float(curve[-1]), 1).replace("e-0", "e−")
+            axes.annotate(f"to {last}", (0.03, 0.05), va="bottom", **look)

@@ -1,6 +1,6 @@
 """Figures over time: a summary, the paper's, torque, commands and the reference."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Literal
@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.base.reporting import significant
 from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, spans_decade
@@ -282,6 +283,7 @@ class Torque(Panelled, OverTime):
         far = leaving(runs, sizes)
         for axes in panels.values():
             cut_off(axes, far)
+            open_frame(axes)
             if not signed:
                 axes.set_ylim(bottom=0)
         for name, unit in units.items():
@@ -349,7 +351,9 @@ def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
 # Figure of commanded and delivered torque, thrust or momentum of wheels in a single run -----------
 
 
-_COMMAND: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
+_COMMAND: dict[str, Any] = {"linewidth": 2.0, "zorder": 1.6, "solid_capstyle": "butt"}
+_ASKED = 0.4
+"""Share of ink in what a law asks for, behind what the actuators give."""
 _ANY = 0.7
 """Share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
@@ -357,7 +361,12 @@ _SHADE = 0.13
 _NEAR = 1e-6
 """Relative tolerance within which a limit counts as reached."""
 _SEEN = 2.0
-"""Multiple of the largest value in a row up to which its limits are drawn."""
+"""Multiple of the largest torque in a row up to which its limits are drawn."""
+_BRIEF, _SPIKE = 0.02, 0.75
+"""Share of the samples of a row that do not set its scale where they lie outside of the others by
+more than this share of their range."""
+_LEAST_SHADE = 0.02
+"""Least width of the shading at a limit, as a share of the time: less is not seen."""
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "wheel_momentum": "momentum", LAW_OUTPUT: "number of the law"}
@@ -370,7 +379,7 @@ _SKIPPED = 1.5
 _CLOSELY = "closely"
 """Row of a closer look."""
 _FEW = 4
-"""Most thrusters or wheels whose panels have room for several laws in a column."""
+"""Most thrusters or wheels whose panels have room for a scale with a name each."""
 _MOST_NAME = 12
 """Most characters in a line of the name of a thruster."""
 
@@ -425,13 +434,7 @@ class Commands(Panelled, OverTime):
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if signal != "torque":
             axes = self._members(runs, width)
-        members = list(axes)
-        if signal == "torque" and not self.panels:
-            every = [self._values(runs, e) for e in runs.shown]
-            members = runs.pushed(members, [values for both in every for values in both])
-        if signal == LAW_OUTPUT:
-            held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
-            members = [name for name, is_held in zip(axes, held, strict=True) if is_held]
+        members = self._with_values(runs, list(axes))
         places = {name: list(axes).index(name) for name in self.picked(members)}
         wanted = list(places)
         span = runs.span
@@ -447,18 +450,36 @@ class Commands(Panelled, OverTime):
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
             row = [e for e in runs.shown if e.label in rows[name]]
-            alike = [k] if signal in ("torque", LAW_OUTPUT) else [*places.values()]
-            outputs = np.array([np.abs(self._values(runs, e)[0][:, alike]).max() for e in row])
-            reach = _SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs))
+            reach = self._reach(runs, row, k)
             for e in row:
                 panel = rows[name][e.label]
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
+            if signal == "torque" and name != _CLOSELY and _bound_spikes(rows[name].values()):
+                kinds.add("spike")
         self._add_legend(drawing, runs, kinds)
-        runs.remarks += [kind for kind in sorted(kinds) if kind.startswith("Limits")]
-        runs.remarks.append(f"Run {self.run}.")
+        if signal not in ("torque", LAW_OUTPUT) and len(wanted) > _FEW:
+            panels = [list(rows[name].values()) for name in wanted]
+            _name_at_right(panels, wanted, in_words(signal.replace("_", " "), runs.unit(signal)))
         return drawing
+
+    def _with_values(self, runs: ShownRuns, members: list[str]) -> list[str]:
+        """Return the axes along which something pushes, or the numbers that a law holds."""
+        if self._signal == "torque" and not self.panels:
+            every = [self._values(runs, e) for e in runs.shown]
+            return runs.pushed(members, [values for both in every for values in both])
+        if self._signal == LAW_OUTPUT:
+            held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
+            return [name for name, is_held in zip(members, held, strict=True) if is_held]
+        return members
+
+    def _reach(self, runs: ShownRuns, row: Sequence[Ensemble], k: int) -> float:
+        """Return up to where limits are drawn; of thrusters and wheels they always are."""
+        if self._signal not in ("torque", LAW_OUTPUT):
+            return np.inf
+        outputs = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
+        return float(_SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs)))
 
     def _members(self, runs: ShownRuns, width: Width) -> dict[str, str]:
         """Return the labels of thrusters, wheels or numbers of laws; drop laws without any."""
@@ -469,9 +490,6 @@ class Commands(Panelled, OverTime):
             runs.ensembles = [e for e in runs.shown if self._holds(runs, e).any()]
             if not runs.ensembles:
                 raise runs.error("finds no numbers of these laws, which have no memory")
-        elif len(names) > _FEW and width == "column" and not self.controllers:
-            runs.ensembles = runs.shown[:1]
-            runs.remarks.append("Of the first law alone.")
         labels = dict[str, str]()
         for name, unit in zip(names, units, strict=True):
             words = name.replace("_", " ") if signal == LAW_OUTPUT else name
@@ -555,21 +573,23 @@ class Commands(Panelled, OverTime):
             if ensemble.results.has("at_limit") and signal == "torque":
                 beyond = runs.of_run("at_limit", ensemble, self.run)[inside] > 0
         for start, end in _stretches(times, beyond):
+            end = max(end, start + _LEAST_SHADE * (span[1] - span[0]))
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
         kinds = {"at a limit"} if beyond.any() else set()
-        for number, end in enumerate((low, high)):
-            if np.isfinite(end) and abs(end) <= reach:
+        ends_there = [(k, end) for k, end in enumerate((low, high)) if np.isfinite(end)]
+        if any(abs(end) <= reach for _, end in ends_there):
+            kinds.add("limit")
+            for number, end in ends_there:
                 axes.axhline(end, label=f"limit {number}", **_limit())
-                kinds.add("limit")
-        if np.isfinite((low, high)).all() and "limit" not in kinds and reach:
+        elif len(ends_there) == 2 and reach:
             text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
-            kinds.add(f"Limits beyond some scales: {text}.".replace("-", "−"))
+            kinds.add(f"limits beyond some scales: {text}".replace("-", "−"))
         label = _OUTPUT.get(signal, signal.replace("_", " "))
         fast = _draw(axes, times, output, color=ensemble.look.colour, label=label)
         if signal == "torque":
             held = ensemble.results.loops[ensemble.law].vehicle.control
             look = _COMMAND | {"drawstyle": "steps-post" if held else "default"}
-            fast |= _draw(axes, times, command, color=ink(), label="asked", **look)
+            fast |= _draw(axes, times, command, color=ink(_ASKED), label="asked", **look)
         return kinds | {"range"} if fast else kinds
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
@@ -580,14 +600,54 @@ class Commands(Panelled, OverTime):
         if self._signal == LAW_OUTPUT:
             handles = {e.title: Line2D([], [], color=e.look.colour) for e in runs.shown}
         if self._signal == "torque":
-            handles["asked by the law"] = Line2D([], [], color=ink(), **_COMMAND)
+            handles["asked by the law"] = Line2D([], [], color=ink(_ASKED), **_COMMAND)
         if "range" in kinds:
-            handles["range, where it is too fast to draw"] = Patch(**_range({"color": alone}))
+            handles["range within each drawn step"] = Patch(**_range({"color": alone}))
         if "limit" in kinds:
             handles["limit"] = Line2D([], [], **_limit())
         if "at a limit" in kinds:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
+        beyond = [kind for kind in sorted(kinds) if kind.startswith("limits")]
+        notes = [*beyond, *(["numbers: brief peaks beyond the scale"] if "spike" in kinds else [])]
+        runs.remarks += [f"{note[0].upper()}{note[1:]}." for note in [*notes, f"run {self.run}"]]
+        runs.note = ", ".join(filter(None, [f"run {self.run}", *notes, runs.note]))
+
+
+def _name_at_right(rows: Sequence[Sequence[Axes]], names: Sequence[str], scale: str) -> None:
+    """Name many rows at their right, and their common scale at the middle one."""
+    for panels, name in zip(rows, names, strict=True):
+        panels[0].set_ylabel("")
+        place: dict[str, Any] = {"xycoords": "axes fraction", "va": "center", "ha": "left"}
+        text = free_text(name, _MOST_NAME)
+        panels[-1].annotate(text, (1.05, 0.5), fontsize="small", **place)
+    name_scale(rows[len(rows) // 2][0], scale)
+
+
+def _bound_spikes(panels: Iterable[Axes]) -> bool:
+    """Set the scale that panels share by what lasts; write a brief peak beyond it as a number."""
+    curves = {axes: [np.asarray(x.get_ydata(), float) for x in axes.lines] for axes in panels}
+    sampled = np.concatenate([y for of in curves.values() for y in of if len(y) > 2])
+    seen = sampled[np.isfinite(sampled)]
+    if not seen.size:
+        return False
+    low, high = np.quantile(seen, (_BRIEF / 2, 1 - _BRIEF / 2))
+    ends = [y for of in curves.values() for y in of if len(y) == 2]  # limits
+    low, high = (f([end, *map(f, ends)]) for f, end in ((np.min, low), (np.max, high)))
+    room = _SPIKE * (high - low)
+    if not (seen.min() < low - room or seen.max() > high + room) or room == 0:
+        return False
+    bottom, top = max(seen.min(), low - room), min(seen.max(), high + room)
+    look: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "fontsize": "small"}
+    for axes, drawn in curves.items():
+        axes.set_ylim(bottom, top)
+        peaks = [float(f(y[np.isfinite(y)])) for f in (np.max, np.min) for y in drawn if len(y) > 2]
+        if max(peaks, default=0.0) > top:
+            axes.annotate(significant(max(peaks), 2), (0.97, 0.95), va="top", **look)
+        if min(peaks, default=0.0) < bottom:
+            text = significant(min(peaks), 2).replace("-", "−")
+            axes.annotate(text, (0.97, 0.05), va="bottom", **look)
+    return True
 
 
 def _turns(values: Array) -> int:

@@ -54,6 +54,19 @@ def test_limits_are_in_all_panels_of_a_row_or_in_none(flown, altered):
     assert [drawn[f"{axis} gt"] for axis in ("ωx", "ωy", "ωz")] == [2, 2, 0]
 
 
+def test_a_brief_peak_does_not_set_the_scale_and_stands_as_a_number(flown, altered):
+    torque = 0.1 * np.sin(np.arange(flown["torque"][0, 0, :, 0].size) / 3)
+    torque = np.broadcast_to(torque[:, None], flown["torque"].shape).copy()
+    command = torque.copy()
+    command[1, 0, 0, 0] = 29.6
+    drawing = Commands().draw([altered(flown.path, torque=torque, command=command)])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    assert 0.1 <= axes["ωx gt"].get_ylim()[1] < 0.3
+    assert [text.get_text() for text in axes["ωx gt"].texts] == ["30"]
+    assert not axes["ωx eqt"].texts and "brief peaks" in drawing.get_supxlabel()
+    assert axes["ωx eqt"].get_ylim() == axes["ωx gt"].get_ylim()
+
+
 def test_an_axis_along_which_nothing_pushes_has_no_row_unless_asked(flown, altered):
     torque, command = flown["torque"].copy(), flown["command"].copy()
     torque[..., 1], command[..., 1] = 1e-15, 0.0
@@ -158,6 +171,7 @@ def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, pictur
     for k in range(4):
         panel = axes[f"thruster {k + 1} eqt"]
         *limits, line = panel.lines
+        assert len(limits) == 2
         np.testing.assert_array_equal(line.get_ydata(), result["thrust"][0, 2, :, k])
         for limit in limits:
             end = limit.get_ydata()[0]
