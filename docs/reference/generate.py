@@ -241,7 +241,7 @@ SECTIONS = {
     "Laws": "controllers model",
     "Vehicle": "plant actuators control sensors estimator",
     "Runs": "initial ensemble time solver store",
-    "Sweeps and searches": "sweep tune worst",
+    "Sweeps, searches and sliders": "sweep tune worst live",
     "Metrics": "measure settling_threshold failed_when early_window closing_window metrics",
     "Plugins": "plugins",
 }

@@ -1015,6 +1015,9 @@ class Config(Section):
         What `eqt tune` searches for; every other command leaves it aside.
     worst
         Where `eqt worst` searches for the worst run; every other command leaves it aside.
+    live
+        Keys that sliders of `eqt live` move, and their ranges: {gains.kp: [0.1, 10]}, with a step
+        [0.1, 10, 0.05], or null for the usual range. Default: gains, inertia and the start.
     settling_threshold
         Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
         such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
@@ -1066,6 +1069,7 @@ class Config(Section):
     sweep: Annotated[list[dict[str, Any]] | None, NotSwept("cannot contain itself")] = None
     tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None
     worst: Annotated[WorstSection | None, NotSwept("chooses its own points"), SEARCH] = None
+    live: Annotated[dict[str, Any] | None, NotSwept("moves keys in a page"), WORDS] = None
     settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
     failed_when: Annotated[dict[str, Any] | None, ON_GROUP] = None
     measure: Annotated[MeasureSection | None, NotSwept("decides what a result contains")] = None

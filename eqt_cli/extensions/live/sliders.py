@@ -26,6 +26,9 @@ from eqt_cli.numbers.rounded import inverse as inverse_of
 Numbers = Callable[[Mapping[str, Any]], dict[str, Array]]
 """Returns `numbers_of` a setting by keys."""
 
+Range = str | Sequence[float] | None
+"""``LOW:HIGH`` or ``LOW:HIGH:STEP``, or a list of these numbers; None for the usual range."""
+
 STEPS = 100
 """Least number of steps of a slider without a step of its own."""
 
@@ -36,6 +39,9 @@ MOST_KEYS = 12
 MOST_SECONDS = 10.0
 MOST_SECONDS_OF_ALL = 20.0
 """Longest CPU time for the table of a key that is moved unasked, and for all of them."""
+
+MOST_NUMBERS = 20_000
+"""Most numbers in the table of a key that is moved unasked."""
 
 SHARES = (0.0, 0.13, 0.37, 0.71, 1.0)
 """Where between the ends of its slider a key is tried."""
@@ -64,8 +70,8 @@ class Slider:
     unit: str = ""
 
     @classmethod
-    def of(cls, key: str, base: Any, range_: str = "") -> Slider:
-        """Return the slider of a key with a range ``LOW:HIGH`` or ``LOW:HIGH:STEP``.
+    def of(cls, key: str, base: Any, range_: Range = None) -> Slider:
+        """Return the slider of a key.
 
         Raises
         ------
@@ -73,16 +79,16 @@ class Slider:
             If the key has no number, or the range is none.
         """
         if (number := _number(base)) is None:
-            held = "absent" if base is None else repr(base)
+            held = "absent; write it down, or check its name" if base is None else repr(base)
             raise EqtError(f"{key}: a slider moves a number of the configuration; this is {held}")
         base, unit = number
-        low, high, step = _range(key, range_) if range_ else _usual(key, base)
+        low, high, step = _range(key, range_, unit) if range_ else _usual(key, base)
         if not low <= base <= high:
             raise EqtError(f"{key}: it is {base:g}, outside of its range {low:g} to {high:g}")
         step = step or _nice((high - low) / STEPS)
         count = math.floor((high - low) / step + 1e-9)
         if count > MOST_VALUES:
-            raise EqtError(f"{key}: {range_} has {count:,} steps; at most {MOST_VALUES:,}")
+            raise EqtError(f"{key}: its range has {count:,} steps; at most {MOST_VALUES:,}")
         digits = max(0, 2 - math.floor(math.log10(step)))
         values = {round(low + k * step, digits) for k in range(count + 1)} | {high, base}
         return cls(key, sorted(values), base, unit)
@@ -101,13 +107,17 @@ def _number(value: Any) -> tuple[float, str] | None:
     return (float(value), "") if is_number else None
 
 
-def _range(key: str, text: str) -> tuple[float, float, float]:
+def _range(key: str, written: str | Sequence[float], unit: str) -> tuple[float, float, float]:
     try:
-        low, high, *step = map(float, text.split(":"))
+        parts = written.split(":") if isinstance(written, str) else written
+        low, high, *step = map(float, parts)
         if not (low < high and math.isfinite(high - low) and len(step) < 2 and min([1, *step]) > 0):
             raise ValueError
-    except ValueError:
-        raise EqtError(f"{key}: expected LOW:HIGH or LOW:HIGH:STEP, got '{text}'") from None
+    except (TypeError, ValueError):
+        form = "LOW:HIGH or LOW:HIGH:STEP"
+        form = form if isinstance(written, str) else "[LOW, HIGH] or [LOW, HIGH, STEP]"
+        form += f", in {unit}" if unit else ""
+        raise EqtError(f"{key}: expected {form}, got {written!r}") from None
     return low, high, step[0] if step else 0.0
 
 
@@ -216,18 +226,14 @@ def _inverted(rule: Inverse, arrays: Arrays) -> Array | None:
 
 
 def effects(
-    slider: Slider,
-    numbers: Numbers,
-    base: Arrays,
-    rules: list[Inverse],
-    most_seconds: float = math.inf,
+    slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse], asked: bool = True
 ) -> list[Effect]:
-    """Return the numbers that follow a key, by a table if that takes no longer than asked for.
+    """Return the numbers that follow a key, by a table where they are no multiples.
 
     Raises
     ------
     EqtError
-        If none does, or the key changes more than numbers.
+        If none does, the key changes more than numbers, or its table is large and nobody asked.
     """
     low, high = slider.values[0], slider.values[-1]
     values = np.array(slider.values)
@@ -247,8 +253,12 @@ def effects(
             made.append(Effect(name, at[fits].tolist(), by[fits].tolist()))
         if not fits.all():
             tabled[name] = at[~fits]
-    if tabled and seconds > most_seconds:
-        raise EqtError(f"{slider.key}: its table takes {seconds:.0f} s; ask for it by --key")
+    if tabled and not is_requested:
+        count = len(slider.values) * sum(map(len, tabled.values()))
+        large = f"takes {seconds:.0f} s" if seconds > MOST_SECONDS else ""
+        large = large or (f"has {count:,} numbers" if count > MOST_NUMBERS else "")
+        if large:
+            raise EqtError(f"{slider.key}: its table {large}; ask for it by --key or `live`")
     if tabled:
         rows = [_moved(slider, value, numbers, base) for value in slider.values]
         for name, at in tabled.items():

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from said import says
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import ConfigError, EqtError
+from eqt_cli.config.document import read_config
 from eqt_cli.extensions.live import sliders, wasm
+from eqt_cli.extensions.live.section import check
 from eqt_cli.extensions.live.sliders import Slider
 
 
@@ -46,6 +49,28 @@ def test_wrong_range_is_refused_with_key_and_value(base, range_, said):
     with pytest.raises(EqtError) as caught:
         Slider.of("gains.kp", base, range_)
     assert str(caught.value).startswith("gains.kp: ") and said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("range_", "said"),
+    [
+        ("gains.kp: [2, 1]", "3:3: live.gains.kp: expected [LOW, HIGH]…, got [2, 1]"),
+        ("gains.kp: 3", "3:3: live.gains.kp: expected…, got 3"),
+        ("gains.kq: [0, 1]", "3:3: live.gains.kq: …absent…"),
+        ("initial.std: [1 deg, 2 deg]", "3:3: live.initial.std: …in deg, got…"),
+        ("time.duration: [1, 2]", "3:3: live.time.duration: no slider…shapes…"),
+        ("name: [1, 2]", "3:3: live.name: no slider…"),
+        ("a.: [1, 2]", "3:3: live.a.: expected a key…"),
+    ],
+)
+def test_wrong_section_is_refused_at_its_place(tmp_path, range_, said):
+    text = (
+        f"gains: {{kp: 1.5}}\nlive:\n  {range_}\ninitial: {{std: 1 deg}}\ntime: {{duration: 1}}\n"
+    )
+    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        check(read_config(tmp_path / "c.yaml"))
+    assert says(str(caught.value), f"{tmp_path / 'c.yaml'}:{said}")
 
 
 def test_usual_keys_are_gains_moments_and_start():
