@@ -47,7 +47,7 @@ def test_a_pair_of_laws_can_be_chosen_in_every_format(
     kept = json.loads((tmp_path / "summary.json").read_text())
     edges = {f"{end} edge {law}" for end in ("lower", "upper") for law in (first, second)}
     assert {curve["name"] for curve in kept} == {first, second} | edges
-    invoke("animate", folder, *pair, "--format", "html", "--out", tmp_path)
+    invoke("animate", folder, *pair, "--seconds", 0.2, "--out", tmp_path)
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ COMMANDS = [
     *(["show", "--table", "metrics", "--format", "jsonl"], ["show", "--plugins"]),
 ]
 SLOW = [
-    *(["verify"], ["report"], ["animate", "--format", "html"], ["run"]),
+    *(["verify"], ["report"], ["animate", "--seconds", "0.2"], ["run"]),
     *(
         ["plot", "--format", "json", "--figure", name]
         for name in "paper path torque runs path pareto sweep distributions".split()

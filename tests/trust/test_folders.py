@@ -118,7 +118,7 @@ MAKES = {
         "run c.yaml --out OUT",
         "plot OUT --figure torque --format json",
         "report OUT --figure torque",
-        "animate OUT --format html",
+        "animate OUT",
     ],
     "begun": ["run c.yaml --out OUT --shard 1/1"],
     "failed": ["run c.yaml --out OUT --set solver.max_steps=1"],
@@ -155,7 +155,7 @@ COMMANDS = {
     "report": ("complete", "report OUT --figure torque"),
     "report --out": ("complete", "report OUT --figure torque --out OUT/report.html"),
     "report --point": ("swept", "report OUT --figure torque --point 0"),
-    "animate": ("complete", "animate OUT --format html"),
+    "animate": ("complete", "animate OUT"),
     "config new": ("complete", "config new OUT/config.yaml"),
 }
 """Every way to write into a folder: the folder, and the command."""
@@ -190,7 +190,9 @@ def _only_folders():
             "eqt_cli.extensions.proofs.verification.verify_stored", lambda *_, **__: _Verified()
         )
         patch.setattr("eqt_cli.extensions.report.document.report", lambda *_: page)
-        patch.setattr("eqt_cli.extensions.report.document.animation", lambda *_: page)
+        patch.setattr(
+            "eqt_cli.extensions.report.scenes.gif", lambda *_, **__: b"GIF89a!\xfe\x09eqt test"
+        )
         yield
 
 

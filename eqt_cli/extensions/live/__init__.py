@@ -7,3 +7,5 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     example = "configs/paper.yaml --key gains.kp=0.1:10 --out paper.html"
     extension.add_command("live", "commands.live", READ, example, after="report")
+    extension.add_function("check of a configuration", "section.check")
+    extension.add_function("report --live", "api.report_part")

@@ -26,7 +26,7 @@ def live(
     -------
     What to show
         --key KEY=LOW:HIGH  A key to move and its range, LOW:HIGH or LOW:HIGH:STEP. Repeatable.
-            Default: gains, moments of inertia and the start.
+            Default: those of `live` in the configuration, or gains, inertia and the start.
         --title TEXT  Title. Default: the first sentence of the configuration's first comment.
     Result
         --out FILE  Page to write.

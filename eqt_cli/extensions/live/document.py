@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import gzip
-import math
 import shlex
 import time
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import EqtError, EqtWarning, parse_key
@@ -25,7 +24,7 @@ from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.extensions.live import sliders, wasm
 from eqt_cli.extensions.live.programs import DIVERGED, LiveLoop, numbers_of
-from eqt_cli.extensions.live.sliders import Effect, Slider
+from eqt_cli.extensions.live.sliders import Effect, Range, Slider
 from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.document import page
 from eqt_cli.extensions.report.scenes import INERTIAL, motion, scene_of
@@ -61,15 +60,8 @@ def runs_of(study: Study) -> int:
     return runs
 
 
-def live_page(
-    study: Study,
-    moved: Any,
-    result: Result,
-    keys: Mapping[str, str],
-    command: Sequence[str],
-    title: str = "",
-) -> str:
-    """Return the page of an experiment.
+class LivePage:
+    """The page of an experiment.
 
     Parameters
     ----------
@@ -77,85 +69,123 @@ def live_page(
         Returns the study with other values of keys, by key.
     result
         What eqt computed of the experiment, by the same engine or another one.
-    keys
-        Ranges of the sliders by key; the usual ones if empty.
     command
         The words of the command that runs the experiment in eqt.
-    title
-        Title of the page.
-
-    Raises
-    ------
-    EqtError
-        If the experiment cannot run in a page, or a key cannot be moved; it says why.
     """
-    engine = study.base.engine
-    assert isinstance(engine, Native)
-    if study.base.config.failed_when:
-        raise EqtError(
-            "failed_when: runs in a page do not end at a bound, so that they would differ from "
-            "eqt run; leave it out by --set failed_when=null"
+
+    def __init__(
+        self, moved: Callable[[Mapping[str, Any]], Study], result: Result, command: Sequence[str]
+    ) -> None:
+        self.moved, self.result, self.command = moved, result, command
+        self.study = moved({})
+        self.runs = min(runs_of(self.study), len(result["status"][0]))
+        self.panels = _panels(result)
+        self.settles = [name for name in ("settled", "settling_time") if result.has(name)][:1]
+        self.shown = [*self.settles, *compared_first(result)]
+
+    def whole(self, keys: Mapping[str, Range], title: str = "") -> str:
+        """Return a page of its own.
+
+        Parameters
+        ----------
+        keys
+            Ranges of the sliders by key; those of the configuration or the usual ones if empty.
+
+        Raises
+        ------
+        EqtError
+            If the experiment cannot run in a page, or a key cannot be moved; it says why.
+        """
+        return page(
+            TEMPLATES / "live.html.j2",
+            ["report.css", "live.css"],
+            "live.js",
+            title=title or summary.called(self.result),
+            group=self.result.group_name,
+            digest=self.study.digest[:12],
+            laws=summary.laws(self.result),
+            terms=self._terms(),
+            stated=summary.stated_values(self.result),
+            **self._values(keys),
         )
-    wasm.command()
-    runs = min(runs_of(study), len(result["status"][0]))
-    panels = _panels(result)
-    settles = [name for name in ("settled", "settling_time") if result.has(name)][:1]
-    shown = [*settles, *compared_first(result)]
-    with np.errstate(all="ignore"):
-        loops = {label: LiveLoop(study, label, panels, shown) for label in study.base.loops}
-        numbers = partial(_numbers, moved, loops, runs)
-        base = numbers_of(study, loops, runs)
-        rules = sliders.inverses(loops, base)
-        with reporter().busy("finding what sliders move"):
-            of_keys = _moving(study, keys, numbers, base, rules)
-    modules, tables = _modules(loops, base, of_keys)
-    tables |= base
-    tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
-    tables["status"] = np.array(result["status"][:, :runs], float)
-    steps = max(1, int(result["steps"][:, :runs].max()))
-    packed, index = _packed(tables)
-    data = {
-        "modules": modules,
-        "keys": [_key(slider, of_key) for slider, of_key in of_keys],
-        "inverses": [asdict(rule) for rule in rules],
-        "laws": summary.looks(result),
-        "columns": [
-            {**column, "counts": name in settles, **(_SETTLED if name in settles else {})}
-            for name, column in zip(shown, summary.columns(result, shown), strict=True)
-        ],
-        "panels": summary.columns(result, panels),
-        "numbers": packed,
-        "index": index,
-        "runs": runs,
-        "solver": {
-            "rtol": engine.rtol * STEP_SHARE,
-            "atol": engine.atol * STEP_SHARE,
-            "most_steps": min(engine.max_steps, max(MOST_STEPS, 10 * steps)),
-        },
-        "times": result.times.tolist(),
-        "command": shlex.join(command),
-        "scene": _scene(result, study.base.group),
-    }
-    return page(
-        TEMPLATES / "live.html.j2",
-        ["report.css", "live.css"],
-        "live.js",
-        title=title or summary.called(result),
-        group=result.group_name,
-        data=data,
-        digest=study.digest[:12],
-        worker=(TEMPLATES / "compute.js").read_text(encoding="utf-8"),
-        tables=_expected(tables, data),
-        laws=summary.laws(result),
-        terms=_terms(result, shown, panels),
-        stated=summary.stated_values(result),
-    )
+
+    def part(self) -> dict[str, str]:
+        """Return the part of a report, its `html` and `css`; raises as `whole`."""
+        html = page(TEMPLATES / "part.html.j2", [], "live.js", **self._values({}))
+        css = (TEMPLATES / "live.css").read_text(encoding="utf-8")
+        return {"html": Markup(html), "css": Markup(css)}
+
+    def _values(self, keys: Mapping[str, Range]) -> dict[str, Any]:
+        """Return what the template of the part takes."""
+        study, result, shown, runs = self.study, self.result, self.shown, self.runs
+        engine = study.base.engine
+        assert isinstance(engine, Native)
+        if study.base.config.failed_when:
+            raise EqtError(
+                "failed_when: runs in a page do not end at a bound, so that they would differ from "
+                "eqt run; leave it out by --set failed_when=null"
+            )
+        with np.errstate(all="ignore"):
+            loops = {
+                label: LiveLoop(study, label, self.panels, shown) for label in study.base.loops
+            }
+            base = numbers_of(study, loops, runs)
+            rules = sliders.inverses(loops, base)
+
+            def numbers(setting: Mapping[str, Any]) -> dict[str, Array]:
+                return numbers_of(self.moved(setting), loops, runs)
+
+            with reporter().busy("finding what sliders move"):
+                of_keys = _moving(study, keys, numbers, base, rules)
+        modules, tables = _modules(loops, base, of_keys)
+        tables |= base
+        tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
+        tables["status"] = np.array(result["status"][:, :runs], float)
+        steps = max(1, int(result["steps"][:, :runs].max()))
+        packed, index = _packed(tables)
+        data = {
+            "modules": modules,
+            "keys": [_key(slider, of_key) for slider, of_key in of_keys],
+            "inverses": [asdict(rule) for rule in rules],
+            "laws": summary.looks(result),
+            "columns": [
+                column | (_COUNTED if name in self.settles else {"counts": False})
+                for name, column in zip(shown, summary.columns(result, shown), strict=True)
+            ],
+            "panels": summary.columns(result, self.panels),
+            "numbers": packed,
+            "index": index,
+            "runs": runs,
+            "solver": {
+                "rtol": engine.rtol * STEP_SHARE,
+                "atol": engine.atol * STEP_SHARE,
+                "most_steps": min(engine.max_steps, max(MOST_STEPS, 10 * steps)),
+            },
+            "engine": _other_engine(result),
+            "times": result.times.tolist(),
+            "command": shlex.join(self.command),
+            "scene": _scene(result, study.base.group),
+        }
+        worker = (TEMPLATES / "compute.js").read_text(encoding="utf-8")
+        return {"data": data, "worker": worker, "tables": _expected(tables, data)}
+
+    def _terms(self) -> dict[str, str]:
+        """Return what the heads of the table and of the curves mean, by head."""
+        terms, result = {}, self.result
+        for name in self.settles:
+            threshold = summary.in_words(result.config.get("settling_threshold"))
+            symbol = result.quantity(name).symbol.plain or "the error"
+            terms["settled"] = f"{symbol} ends below the settling threshold, {threshold}"
+        for column in summary.columns(result, self.panels):
+            name = column["metric"]
+            terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
+        return terms
 
 
-def _numbers(
-    moved: Any, loops: Mapping[str, LiveLoop], runs: int, setting: Mapping[str, Any]
-) -> dict[str, Array]:
-    return numbers_of(moved(setting), loops, runs)
+def _other_engine(result: Result) -> str:
+    """Return the name of the engine of a result; empty for the page's own."""
+    name = str(result.config["solver"]["engine"])
+    return "" if name == Native.name else name
 
 
 def _panels(result: Result) -> list[str]:
@@ -167,25 +197,25 @@ def _panels(result: Result) -> list[str]:
 
 def _moving(
     study: Study,
-    keys: Mapping[str, str],
+    keys: Mapping[str, Range],
     numbers: sliders.Numbers,
     base: Arrays,
     rules: list[sliders.Inverse],
 ) -> list[tuple[Slider, list[Effect]]]:
     """Return the sliders with what follows them; of the usual keys those that can be moved."""
     data = study.document.data
+    keys = keys or data.get("live") or {}
     usual = [] if keys else list(sliders.usual_keys(data))
     made: list[tuple[Slider, list[Effect]]] = []
     begun = time.process_time()
     for place, key in enumerate(keys or usual):
         if usual and time.process_time() - begun > sliders.MOST_SECONDS_OF_ALL:
-            why = "those before took long; ask for it by --key"
+            why = "those before took long; ask for it by --key or `live`"
             reporter().remark(EqtWarning(f"no slider for {', '.join(usual[place:])}: {why}"))
             break
         try:
-            slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key, ""))
-            longest = math.inf if keys else sliders.MOST_SECONDS
-            of_key = sliders.effects(slider, numbers, base, rules, longest)
+            slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key))
+            of_key = sliders.effects(slider, numbers, base, rules, is_requested=bool(keys))
             sliders.disjoint(made, slider, of_key)
             made.append((slider, of_key))
         except EqtError as error:
@@ -244,7 +274,7 @@ def _modules(
     return modules, tables
 
 
-_SETTLED = {"name": "settled", "unit": "", "better": "higher"}
+_COUNTED = {"counts": True, "name": "settled", "unit": "", "better": "higher"}
 _HELD = ("held", "held_at_samples", "held_at_start")
 
 
@@ -287,19 +317,6 @@ def _expected(tables: Arrays, data: Mapping[str, Any]) -> list[list[str]]:
             counted = f"{settled.sum()}/{len(values)}"
             rows[-1].append(counted if column["counts"] else f"{values.mean():.4g}")
     return rows
-
-
-def _terms(result: Result, shown: Sequence[str], panels: Sequence[str]) -> dict[str, str]:
-    """Return what the heads of the table and of the curves mean, by head."""
-    terms = {}
-    for name in {"settled", "settling_time"}.intersection(shown):
-        threshold = summary.in_words(result.config.get("settling_threshold"))
-        symbol = result.quantity(name).symbol.plain or "the error"
-        terms["settled"] = f"{symbol} ends below the settling threshold, {threshold}"
-    for column in summary.columns(result, panels):
-        name = column["metric"]
-        terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
-    return terms
 
 
 def _scene(result: Result, group: MatrixLieGroup) -> dict[str, Any] | None:

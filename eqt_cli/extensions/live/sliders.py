@@ -226,7 +226,7 @@ def _inverted(rule: Inverse, arrays: Arrays) -> Array | None:
 
 
 def effects(
-    slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse], asked: bool = True
+    slider: Slider, numbers: Numbers, base: Arrays, rules: list[Inverse], is_requested: bool = True
 ) -> list[Effect]:
     """Return the numbers that follow a key, by a table where they are no multiples.
 

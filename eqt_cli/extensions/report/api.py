@@ -8,7 +8,7 @@ from typing import Any
 from eqt_cli.api.drawing import folders, load_plugins
 from eqt_cli.api.loading import ResultPath, open_at
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Remedy
-from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.files import REPORT, check_targets, write_all
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.yaml_source import load
@@ -21,12 +21,11 @@ def animate(
     controllers: Sequence[str] = (),
     out: str | os.PathLike[str] | None = None,
     *,
-    formats: Sequence[str] = ("gif", "html"),
     seconds: float = 8.0,
     point: int | None = None,
     trust_plugins: bool = False,
-) -> list[Path]:
-    """Animate a run: the bodies in the frame of the reference, the error and the torque.
+) -> Path:
+    """Animate a run as a GIF: the bodies in the frame of the reference, the error and the torque.
 
     Parameters
     ----------
@@ -38,8 +37,6 @@ def animate(
         Labels of the controllers to show; all if empty.
     out
         Output folder. Default: ``figures`` in the result folder.
-    formats
-        ``gif``, or ``html`` for a page.
     seconds
         Duration of the GIF, s.
     point
@@ -49,8 +46,8 @@ def animate(
 
     Returns
     -------
-    list of Path
-        The written files, one per format.
+    Path
+        The written file.
 
     Raises
     ------
@@ -59,13 +56,11 @@ def animate(
 
     Examples
     --------
-    >>> [file.name for file in eqt_cli.animate("results/paper", run=1, formats=["html"])]
-    ['run1.html']
+    >>> eqt_cli.animate("results/paper", run=1, seconds=1).name
+    'run1.gif'
     """
-    from eqt_cli.extensions.report.document import animation
     from eqt_cli.extensions.report.scenes import gif, motion
 
-    contents = {}
     with open_at(Path(result), point) as opened:
         if trust_plugins:
             load_plugins(opened)
@@ -78,15 +73,11 @@ def animate(
             advice = "read them with `eqt show --plugins`, then add {}"
             raise EqtError(text, Remedy(advice, "trust_plugins")) from error
         home, folder = folders(opened, out, point)
-        paths = {format: folder / f"run{run}.{format}" for format in formats}
-        check_targets(paths.values(), home)
-        for format, path in paths.items():
-            if format == "html":
-                contents[path] = animation(opened, run, controllers).encode()
-            else:
-                contents[path] = gif(opened, run, controllers, seconds=seconds)
-    write_all(contents, home)
-    return list(contents)
+        path = folder / f"run{run}.gif"
+        check_targets([path], home)
+        picture = gif(opened, run, controllers, seconds=seconds)
+    write_all({path: picture}, home)
+    return path
 
 
 QUICK = "The certificates were left out (--quick); `eqt verify` computes them."
@@ -107,6 +98,7 @@ def report(
     trust_plugins: bool = False,
     workers: int = 1,
     quick: bool = False,
+    live: bool = False,
     units: Sequence[str] = (),
 ) -> Path:
     """Write the report of a result: one HTML page with figures, comparison and certificates.
@@ -135,6 +127,8 @@ def report(
         Number of cores to use.
     quick
         Whether to leave out the certificates, for which some runs are integrated again.
+    live
+        Whether the page begins with sliders that run the experiment again, as those of `live`.
     units
         Units of quantities, as for `compare`.
 
@@ -177,9 +171,10 @@ def report(
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
         if against and opened.is_sweep:
             raise EqtError("--against: applies to one experiment; choose a point with --point")
+        part = function_for("report --live")(opened, trust_plugins) if live else None
         base = shown.labels[shown.position_of(against)] if against else ""
         page = document.report(
-            shown, wanted, certificates, reason, author, notes, title, date, base
+            shown, wanted, certificates, reason, author, notes, title, date, base, part
         )
     write_all({path: page.encode()}, home)
     return path

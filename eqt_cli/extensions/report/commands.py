@@ -1,6 +1,5 @@
 """`eqt animate` and `eqt report`: one run as a moving picture, and a result as one HTML page."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +10,11 @@ from eqt_cli.base.files import text_of
 from eqt_cli.cli import completion, options
 from eqt_cli.cli.output import print_findings
 
-AnimationFormat = StrEnum("AnimationFormat", "GIF HTML")
-"""Formats of the files written."""
-
 
 def animate(
     result: options.Result,
     run: Annotated[int, options.option("--run")] = 0,
     controller: options.Controllers = None,
-    format: Annotated[list[AnimationFormat] | None, options.option("--format")] = None,
     seconds: Annotated[float, options.option("--seconds", min=0.2, max=120)] = 8.0,
     out: options.Out = None,
     point: options.Point = None,
@@ -27,32 +22,29 @@ def animate(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Animate one run: bodies, tracking error and torque over time.
+    """Animate one run as a GIF: bodies, tracking error and torque over time.
 
     Options
     -------
     What to show
         --run K  Run, counted from 0.
     Result
-        --format NAME  gif or html. Repeatable. Default: both.
         --seconds S  Duration of the GIF in seconds.
         --out DIR  Output folder. Default: RESULT/figures.
     """
     from eqt_cli import api
 
-    files = api.animate(
+    path = api.animate(
         result,
         run,
         controller or (),
         out,
-        formats=list(dict.fromkeys(format or AnimationFormat)),
         seconds=seconds,
         point=point,
         trust_plugins=trust_plugins,
     )
-    sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
-    text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())
-    print_findings({"files": list(map(str, files))}, text, json=json)
+    text = f"animation  {path}  ({path.stat().st_size / 1e6:.1f} MB)"
+    print_findings({"files": [str(path)]}, text, json=json)
 
 
 def report(
@@ -67,6 +59,7 @@ def report(
     date: Annotated[str, options.option("--date")] = "",
     notes: Annotated[Path | None, options.option("--notes")] = None,
     quick: Annotated[bool, options.option("--quick")] = False,
+    live: Annotated[bool, options.option("--live")] = False,
     point: options.Point = None,
     unit: options.Units = None,
     trust_plugins: options.TrustPlugins = False,
@@ -86,6 +79,7 @@ def report(
         --figure NAME  Figure to show. Repeatable.
         --against LAW  Compare with this law instead of the first.
         --quick  Leave out the certificates, for which some runs are integrated again.
+        --live  Begin with sliders that run the experiment again in the browser, as `eqt live`.
     """
     from eqt_cli import api
 
@@ -110,6 +104,7 @@ def report(
         trust_plugins=trust_plugins,
         workers=options.cores(),
         quick=quick,
+        live=live,
         units=unit or (),
     )
     size = path.stat().st_size

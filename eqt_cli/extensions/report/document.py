@@ -1,37 +1,31 @@
-"""The document: templates, figures, animation and tables on one page."""
+"""The document: templates, figures and tables on one page."""
 
 import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from html.entities import html5
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import matrix, premises, remarks, text_tables
 from eqt_cli.analysis.maps import sweep_tables
-from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.opening import opening
-from eqt_cli.extensions.report.scenes import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.results.conclusion import conclusion_of, side_by_side
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
-from eqt_cli.results.summary import compared_first
 
 # Location and rendering of the page templates -----------------------------------------------------
 
@@ -111,88 +105,6 @@ def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
         all(cell in ("", "-") or _NUMBER.fullmatch(cell) for cell in column)
         for column in zip(*rows, strict=True)
     ]
-
-
-# Page that plays one run: bodies against the reference, tracking error and torque over time -------
-
-
-SAMPLES = 401
-"""Maximum number of samples of the run in the page, which interpolates between them."""
-
-
-def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
-    """Return the page that plays a run; it needs no network and no other file.
-
-    Parameters
-    ----------
-    run, controllers
-        Run and controllers, as in `motion`.
-
-    Raises
-    ------
-    EqtError
-        If the run cannot be shown; see `motion`.
-    """
-    shown = motion(result, run, controllers)
-    return page(
-        "animation.html.j2",
-        ["report.css", "animation.css"],
-        "animation.js",
-        title=result.title,
-        group=result.group_name,
-        labels=[ensemble.title for ensemble in shown.ensembles],
-        run=run,
-        samples=len(shown.times),
-        data=_document(scene_of(shown), result),
-    )
-
-
-def _document(scene: Scene, result: Result) -> dict[str, Any]:
-    shown = scene.motion
-    samples = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles, heads = summary.looks(result), summary.columns(result, list(shown.norms))
-    return {
-        "run": shown.run,
-        "worst": int(np.abs(samples - shown.worst).argmin()),
-        "times": _rounded(shown.times[samples]),
-        "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
-        "bodies": [_course(*body, samples, shown) for body in zip(*shown.body, strict=True)],
-        "thrusts": [[_rounded(now.ravel()) for now in thrust[samples]] for thrust in shown.thrusts],
-        "reference": _course(*shown.reference, samples, shown),
-        "moves": shown.has_translation,
-        "length": scene.length,
-        "columns": scene.columns,
-        "centre": _rounded(scene.centre),
-        "reach": scene.reach,
-        "ground": [[_rounded(end) for end in line] for line in scene.ground],
-        "trail": TRAIL,
-        "axes": AXES | {"x": "currentColor"},
-        "inertial": [*zip(INERTIAL, shown.frame.T.tolist(), strict=True)],
-        "view": [float(AZIMUTH), float(ELEVATION)],
-        "corners": CORNERS.tolist(),
-        "faces": [list(face) for face in FACES],
-        "rotors": [polygon.round(4).tolist() for polygon in discs(shown.rotors)],
-        "panels": [
-            {
-                **head,
-                "name": result.quantity(name).symbol.plain,
-                "curves": [_rounded(curve[samples]) for curve in values],
-            }
-            for head, (name, values) in zip(heads, shown.norms.items(), strict=True)
-        ],
-    }
-
-
-def _course(rotation: Array, position: Array, samples: Array, shown: Motion) -> dict[str, Any]:
-    rotations = [_rounded(matrix.ravel()) for matrix in rotation[samples]]
-    if not shown.has_translation:  # all positions are the origin
-        return {"rotation": rotations, "position": []}
-    return {"rotation": rotations, "position": [_rounded(place) for place in position[samples]]}
-
-
-def _rounded(values: Array) -> list[float | None]:
-    """Round to four significant digits, enough for the eye; None for NaN and infinity."""
-    return [float(f"{v:.4g}") if np.isfinite(v) else None for v in values]
 
 
 # Figures as SVG inside an HTML page; this module knows figures by name and options only -----------
@@ -388,7 +300,7 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best opening looks many premises answer claims levels pairs others missing picker animation "
+    "best opening looks many premises answer claims levels pairs others missing picker live "
     "certificates doubts"
 ).split()
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
@@ -404,6 +316,7 @@ def report(
     title: str = "",
     date: str = "",
     against: str = "",
+    live: Mapping[str, str] | None = None,
 ) -> str:
     """Return the page about an experiment or a sweep.
 
@@ -427,6 +340,8 @@ def report(
         laws, and the day of the run.
     against
         Label of the controller with which the others are compared; the first if empty.
+    live
+        Its part with sliders: the `html`, and the `css` for it.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
@@ -438,7 +353,6 @@ def report(
     else:
         of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
         of_kind |= {} if concluded.figures or concluded.premise else _compared(result, against)
-        of_kind |= _animated(result)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -459,7 +373,7 @@ def report(
         unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
         search=concluded.id and vars(concluded) | {"tables": concluded.tables()},
-        **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}),
+        **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}) | {"live": live},
     )
 
 
@@ -500,19 +414,3 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
         "others": pairs and replace(pairs, blocks=pairs.blocks[with_base:], notes=[]),
         "missing": comparison.missing,
     }
-
-
-def _animated(result: Result) -> dict[str, Any]:
-    """Return the animation of the first law's median run; empty if no body can be shown."""
-    if not compared_first(result):
-        return {}
-    metric = compared_first(result)[0]
-    values = result[metric][0]
-    runs = [int(run) for run in result.stored_runs if np.isfinite(values[run])]
-    if runs:
-        median = sorted(runs, key=lambda run: float(values[run]))[(len(runs) - 1) // 2]
-        described = result.quantity(metric).described
-        with suppress(EqtError):
-            played = animation(result, median)
-            return {"animation": played, "animated": median, "animated_by": described}
-    return {}

@@ -35,7 +35,7 @@ from eqt_cli.figures.shown import Chosen, Ensemble
 from eqt_cli.figures.style import house_style, ink, line_style, mixed
 from eqt_cli.results.result import Result
 
-# The motion of one run, and its scene for both the GIF and the page; it draws nothing -------------
+# The motion of one run, and its scene for GIFs and live pages; it draws nothing -------------------
 #
 # Bodies with their axes, the ghost of the target, paths, a ground grid and an inertial frame, as a
 # camera that stands still sees them. It shows whole paths; a body that leaves them is not followed.

@@ -71,7 +71,7 @@ def page(browser, pages):
 def test_moved_sliders_give_the_bits_of_eqt(browser, pages, kind, tmp_path):
     config, file = pages(kind)
     page = opened(browser, file)
-    assert "All 18 configured numbers equal" in text(page, "#check")
+    assert "All 18 configured numbers equal" in text(page, "#live-check")
     setting = {"gains.kp": 1.6, "gains.kd": 1.2, "inertia[0]": 2.2}
     page.execute_script(
         "for (const [k, v] of Object.entries(arguments[0])) eqtLive.fields[k](v); eqtLive.moved()",
@@ -84,7 +84,7 @@ def test_moved_sliders_give_the_bits_of_eqt(browser, pages, kind, tmp_path):
     names = [
         column["metric"]
         for column in json.loads(
-            page.execute_script("return document.getElementById('data').textContent")
+            page.execute_script("return document.getElementById('live-data').textContent")
         )["columns"]
     ]
     numbers = np.array([np.inf if x is None else x for x in got[0]], float).reshape(2, 3, -1)
@@ -102,7 +102,7 @@ def test_moved_sliders_give_the_bits_of_eqt(browser, pages, kind, tmp_path):
 
 def test_without_fused_multiply_add_the_page_says_by_how_much_it_differs(browser, pages):
     page = opened(browser, pages("continuous")[1], query="?fused=no")
-    said = text(page, "#check")
+    said = text(page, "#live-check")
     assert "rounds a·b + c twice" in said and "largest relative difference is" in said
     assert float(said.split("difference is ")[1].split(" ")[0].rstrip(".")) < 1e-10
 
@@ -115,7 +115,7 @@ def test_page_that_is_not_eqts_shows_no_table(browser, pages, tmp_path):
     ]
     changed.write_text(whole.replace(f'"rtol": {rtol}', '"rtol": 0.001'), encoding="utf-8")
     page = opened(browser, changed)
-    assert "is not the experiment" in text(page, "#check") and not text(page, "#all")
+    assert "is not the experiment" in text(page, "#live-check") and not text(page, "#live-all")
 
 
 def test_nothing_goes_wrong_and_nothing_is_requested(browser, pages):
@@ -130,30 +130,39 @@ def test_nothing_goes_wrong_and_nothing_is_requested(browser, pages):
     assert browser.get_log("browser") == []
 
 
-def test_axe_finds_nothing(page):
+def axe(page):
     page.execute_script((Path(__file__).parents[2] / "axe/axe.min.js").read_text("utf-8"))
     found = "axe.run().then((found) => arguments[0](found.violations.map((each) => each.id)))"
-    assert page.execute_async_script(found) == []
+    return page.execute_async_script(found)
+
+
+def test_axe_finds_nothing(page):
+    assert axe(page) == []
 
 
 def test_keyboard_moves_a_slider_and_the_link_holds_it(page, pages, browser):
-    slider = page.find_element(By.CSS_SELECTOR, "#sliders input[type=range]")
+    slider = page.find_element(By.CSS_SELECTOR, "#live-sliders input[type=range]")
     slider.send_keys(Keys.ARROW_RIGHT * 4)
     value = settled(page).execute_script("return eqtLive.setting['gains.kp']")
     assert value > 1 and slider.get_attribute("aria-valuetext") == f"gains.kp {value:g}"
-    assert text(page, "#command").endswith(f"--set 'gains.kp={value:g}'")
-    assert "better" in text(page, "#all") or "worse" in text(page, "#all")  # not by colour alone
-    table, link = text(page, "#all"), page.find_element(By.ID, "link").get_attribute("href")
+    assert text(page, "#live-command").endswith(f"--set 'gains.kp={value:g}'")
+    assert "better" in text(page, "#live-all") or "worse" in text(
+        page, "#live-all"
+    )  # not by colour alone
+    table, link = (
+        text(page, "#live-all"),
+        page.find_element(By.ID, "live-link").get_attribute("href"),
+    )
     opened(browser, pages("continuous")[1], fragment="#" + link.split("#")[1])
-    assert text(page, "#all") == table
+    assert text(page, "#live-all") == table
 
 
 def test_a_law_is_hidden(page):
-    page.find_element(By.CSS_SELECTOR, "#all input").click()
-    curve = page.find_element(By.CSS_SELECTOR, "#panels path.curve")
+    page.find_element(By.CSS_SELECTOR, "#live-all input").click()
+    curve = page.find_element(By.CSS_SELECTOR, "#live-panels path.curve")
     assert (
         curve.get_attribute("d") == ""
-        and len(page.find_elements(By.CSS_SELECTOR, "#moment .entry")) == 1
+        and len(page.find_elements(By.CSS_SELECTOR, "#live-moment .entry")) == 1
     )
 
 
@@ -161,11 +170,26 @@ def test_a_run_of_too_many_steps_fails_and_says_so(browser, folder):
     solver = SOLVER.replace("}", ", max_steps: 400}")
     (folder / "c.yaml").write_text(configuration(solver=solver), encoding="utf-8")
     page = opened(browser, api.live("c.yaml", "c.html", keys={"gains.kd": "0.5:5000"}).absolute())
-    page.find_element(By.CSS_SELECTOR, "#sliders input[type=range]").send_keys(Keys.END)
-    assert text(settled(page), "#all").count("3 failed: too many steps") == 2
+    page.find_element(By.CSS_SELECTOR, "#live-sliders input[type=range]").send_keys(Keys.END)
+    assert text(settled(page), "#live-all").count("3 failed: too many steps") == 2
 
 
 def test_stored_bytes_are_doubles(pages):
     data = pages("continuous")[1].read_text(encoding="utf-8").split('type="application/json">')[1]
     numbers = json.loads(data.split("</script>")[0])["numbers"]
     assert base64.b64decode(numbers)[:2] == b"\x1f\x8b"
+
+
+def test_a_report_begins_with_the_sliders(browser, pages, tmp_path):
+    result = api.run(api.load_experiment(pages("continuous")[0]), tmp_path / "r")
+    file = api.report(
+        result, tmp_path / "r.html", figures=["torque", "pose"], live=True, quick=True
+    )
+    page = opened(browser, file, fragment="#gains.kp=1.6")
+    assert "All 18 configured numbers equal" in text(page, "#live-check")
+    assert text(page, "#live-command") == "eqt run config.yaml --set 'gains.kp=1.6'"
+    first = page.execute_script("return document.querySelector('main h2').textContent")
+    assert first == "3 runs of each law" and text(page, "#summary-title") == "What was found"
+    page.find_element(By.CSS_SELECTOR, "nav [href='#figures']").click()  # of another part
+    assert page.execute_script("return eqtLive.setting['gains.kp']") == 1.6
+    assert axe(page) == [] and page.get_log("browser") == []

@@ -55,3 +55,13 @@ def test_labels_are_text(folder, uncompiled):
 def test_what_cannot_be_moved_says_why(folder, uncompiled, more, keys, said):
     with pytest.raises(EqtError, match=re.escape(said)):
         written(folder, configuration(**more), keys=keys)
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+def test_configuration_and_result_name_the_sliders(folder, uncompiled):
+    page = written(folder, configuration(live="{gains.kd: [0.2, 2, 0.3], gains.kp: }"))
+    assert re.findall(r'"key": "([^"]*)"', page) == ["gains.kd", "gains.kp"]
+    api.run(api.load_experiment(folder / "c.yaml"), folder / "r")
+    api.live(folder / "r", folder / "again.html")
+    again = (folder / "again.html").read_text(encoding="utf-8")
+    assert re.findall(r'"key": "([^"]*)"', again) == ["gains.kd", "gains.kp"]

@@ -268,15 +268,6 @@ def test_a_figure_is_saved_with_a_size(page):
     assert svg.startswith("<svg xmlns=") and 'pt"' in svg
 
 
-def test_the_animation_plays_inside_of_the_page(page):
-    page.execute_script("document.getElementById('animation').scrollIntoView()")
-    frame = WebDriverWait(page, 20).until(lambda _: find(page, "#player iframe"))
-    page.switch_to.frame(frame)
-    find(page, "#play").click()
-    WebDriverWait(page, 20).until(lambda _: find(page, "#time").get_attribute("value") > "0")
-    page.switch_to.default_content()
-
-
 @pytest.mark.parametrize("width", [375, 1280])
 def test_headings_are_not_behind_the_bar(page, resize, width):
     resize(width, 800)
@@ -395,53 +386,6 @@ def test_print_leaves_the_controls_out(page):
     shown = [e.is_displayed() for e in page.find_elements(By.CSS_SELECTOR, "nav, #pick, #filters")]
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "screen"})
     assert not any(shown)
-
-
-@pytest.fixture
-def player(browser, invoke, paper_result, tmp_path):
-    invoke("animate", paper_result, "--run", 1, "--format", "html", "--out", tmp_path)
-    browser.get((tmp_path / "run1.html").as_uri())
-    return browser
-
-
-def test_animation_plays_when_it_is_seen_and_pauses(player):
-    WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
-    find(player, "#play").click()
-    assert find(player, "#play").get_attribute("aria-pressed") == "false"
-    stopped, said = (find(player, place).text.split() for place in ("#clock", "#state"))
-    assert said[0] == "At"
-    # The nearest sample is told, the bodies move between samples.
-    assert float(said[1]) == pytest.approx(float(stopped[2]), abs=0.2)
-    assert player.get_log("browser") == []
-
-
-def test_animation_is_moved_and_turned_by_the_keyboard(player):
-    def body():
-        return find(player, ".bodies svg").get_attribute("innerHTML")
-
-    WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
-    find(player, "#play").click()  # it plays by itself
-    find(player, "#time").send_keys(Keys.HOME)
-    first = body()
-    find(player, "#time").send_keys(Keys.ARROW_RIGHT * 20)
-    moved = body()
-    assert find(player, "#clock").text == "t = 0.40 s"
-    find(player, ".bodies svg").send_keys(Keys.ARROW_LEFT)
-    assert len({first, moved, body()}) == 3
-
-
-def test_animation_has_a_legend_and_the_name_of_each_law_at_its_body(player):
-    listed = [item.text for item in player.find_elements(By.CSS_SELECTOR, "#legend li")]
-    at_bodies = player.execute_script(  # at once, since they are drawn again all the time
-        "return [...document.querySelectorAll('.bodies .law')].map((name) => name.textContent)"
-    )
-    assert listed == [*at_bodies, "reference"] == ["EqT", "GT", "nog", "asym", "reference"]
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [375, 1280])
-def test_axe_finds_nothing_in_the_animation(violations, player, width, scheme):
-    assert violations(player.current_url, width, scheme) == []
 
 
 @pytest.fixture

@@ -30,13 +30,13 @@ def twin(eqt, config):
 @pytest.mark.usefixtures("twin")
 def test_a_group_of_a_plugin_must_be_trusted(eqt, refused, forget_plugins):
     forget_plugins()
-    said = refused("animate", "results/c", "--format", "html")
+    said = refused("animate", "results/c")
     assert said.startswith("eqt: unknown group 'Twin'")
     assert said.endswith(
         "; the result holds plugins, which are executed only on request; read them with "
         "`eqt show --plugins`, then add --trust-plugins\n"
     )
-    assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
+    assert eqt("animate", "results/c", "--seconds", 0.2, "--trust-plugins").code == 0
 
 
 @pytest.mark.ci("draws a report")
@@ -61,12 +61,19 @@ def test_a_point_of_a_sweep_is_shown_as_an_experiment(eqt, refused, config, key)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert re.search(r"c, kp 2, (kd 1|duration 0\.2)", page)
     assert "could not be verified" not in page
-    done = eqt("animate", "out", "--point", 3, "--format", "html")
-    assert done.out.startswith(f"animation  {folder / 'run0.html'}  (")
+    done = eqt("animate", "out", "--point", 3, "--seconds", 0.2)
+    assert done.out.startswith(f"animation  {folder / 'run0.gif'}  (")
     assert says(
-        refused("animate", "out", "--format", "html"),
+        refused("animate", "out"),
         f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments…\n",
     )
+
+
+def test_animate_writes_a_gif(invoke, paper_result, tmp_path):
+    brief = ["--run", 2, "--seconds", 0.2, "--controller", "gt", "--out", tmp_path]
+    done, file = invoke("animate", paper_result, *brief), tmp_path / "run2.gif"
+    assert done.stdout.split()[1] == str(file)
+    assert file.read_bytes().startswith(b"GIF89a")
 
 
 def test_a_report_takes_one_result(refused):

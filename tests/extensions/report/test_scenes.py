@@ -14,7 +14,6 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, discs
-from eqt_cli.extensions.report.document import animation
 from eqt_cli.extensions.report.scenes import (
     MOST_CONTROLLERS,
     TRAIL,
@@ -86,13 +85,10 @@ def test_thrusts_begin_at_their_thrusters_and_are_in_proportion(rotors):
     stage = _Stage(scene_of(motion(rotors, 0)), 1.0)
     for sample in (0, 5):
         stage.picture(sample)
-    page = animation(rotors, 0)
-    assert "Dots are thrusters" in page and '"thrusts": [[[0.5, 0.0, 0.0, ' in page
 
 
 def test_a_vehicle_without_thrusters_shows_none(results):
     assert motion(results, 0).thrusts.size == 0
-    assert "Dots are thrusters" not in animation(results, 0)
 
 
 def test_run_that_is_not_stored(results):

@@ -17,7 +17,6 @@ def _no_work(monkeypatch):
     monkeypatch.setattr("eqt_cli.extensions.proofs.verification.verify_stored", work)
     monkeypatch.setattr("eqt_cli.extensions.report.document.report", work)
     monkeypatch.setattr("eqt_cli.extensions.report.scenes.gif", work)
-    monkeypatch.setattr("eqt_cli.extensions.report.document.animation", work)
 
 
 @pytest.mark.usefixtures("_no_work")

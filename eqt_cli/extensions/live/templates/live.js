@@ -13,7 +13,7 @@
    */
 
   /** @param {string} id @returns {any} */
-  const $ = (id) => document.getElementById(id);
+  const $ = (id) => document.getElementById(`live-${id}`);
   const SVG = "http://www.w3.org/2000/svg";
   const data = JSON.parse($("data").textContent);
   /** @type {Law[]} */
@@ -54,6 +54,8 @@
   /** The line of a law in the curves. @param {Law} law */
   const swatch = (law) => element("svg", { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
     element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }));
+  /** The pieces of a name with its indices, as Q_E. @param {string} name @param {(index: string) => Node} below */
+  const typeset = (name, below) => name.split(/_(\p{L}+)/u).map((piece, k) => (k % 2 ? below(piece) : piece));
   /** @param {number} x */
   const written = (x) => (Number.isFinite(x) ? String(Number(x.toPrecision(4))) : "–").replace("-", "−");
 
@@ -68,8 +70,8 @@
     const ofLaw = (/** @type {string} */ whole, /** @type {string} */ at) => (group === "controllers" && laws[Number(at)] ? `${laws[Number(at)].title}: ` : whole);
     const name = rest.join("").replace(/^\./, "").replace(/^\[(\d+)\]\.?/, ofLaw);
     groups[group] ??= $("sliders").appendChild(html("fieldset", {}, html("legend", {}, group)));
-    const label = html("label", { for: `key${k}`, title: key.key }, (name || key.key) + (key.unit ? ` (${key.unit})` : ""));
-    const range = html("input", { type: "range", id: `key${k}`, min: 0, max: key.values.length - 1, step: 1 });
+    const label = html("label", { for: `live-key${k}`, title: key.key }, (name || key.key) + (key.unit ? ` (${key.unit})` : ""));
+    const range = html("input", { type: "range", id: `live-key${k}`, min: 0, max: key.values.length - 1, step: 1 });
     const box = html("input", { type: "number", step: "any", "aria-label": `${key.key}, as a number`,
       min: key.values[0], max: key.values[key.values.length - 1] });
     fields[key.key] = (value) => {
@@ -247,7 +249,8 @@
     const all_ = `${count.toLocaleString("en")} configured numbers`;
     const words = equal === count ? `All ${all_} equal eqt's, to the last bit.`
       : `Of ${all_}, ${equal.toLocaleString("en")} equal eqt's to the last bit; the largest relative difference is ${largest.toPrecision(1)}.`;
-    const why = fused ? "" : " This browser rounds a·b + c twice, where eqt rounds once.";
+    const other = data.engine ? ` The engine ${data.engine} computed the result, native computes here.` : "";
+    const why = fused ? other : " This browser rounds a·b + c twice, where eqt rounds once.";
     const bad = " So this page is not the experiment, and shows no table; please report it.";
     $("check").textContent = words + why + (checked ? "" : bad);
     $("check").className = `check ${checked ? "good" : "bad"}`;
@@ -353,13 +356,14 @@
 
   const panels = data.panels.map((/** @type {Column} */ head) => {
     const unit = head.unit ? ` (${head.unit})` : "";
-    const svg = element("svg", { class: "panel", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${head.name}${unit} over time` });
+    const svg = element("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${head.name}${unit} over time` });
     const axes = svg.appendChild(element("g"));
     const before = laws.map((law) => svg.appendChild(element("path", { class: "was", stroke: law.colour })));
     const curves = laws.map((law) => svg.appendChild(element("path", { class: "curve", stroke: law.colour, "stroke-dasharray": dashes(law) })));
     const cursor = svg.appendChild(element("line", { class: "now", y1: TOP, y2: HEIGHT - BOTTOM }));
-    svg.append(element("text", { x: LEFT, y: 14 }, head.name + unit));
-    $("panels").append(svg);
+    const below = (/** @type {string} */ index) => element("tspan", { "baseline-shift": "sub", "font-size": "75%" }, index);
+    svg.append(element("text", { x: LEFT, y: 14 }, ...typeset(head.name, below), unit));
+    $("panels").append(html("div", { class: "panel" }, svg));
     svg.addEventListener("pointermove", (event) => {
       const box = svg.getBoundingClientRect(), at = (event.clientX - box.left) / box.width * WIDTH;
       seek(Math.round((at - LEFT) / (WIDTH - LEFT - RIGHT) * last));
@@ -417,7 +421,7 @@
     const entries = laws.flatMap((law, k) => (hidden.has(k) ? []
       : [html("span", { class: "entry" }, swatch(law), `${law.title}: ${written(course(answer, k, head.metric)(now))}`)]));
     const compared = first && first !== answer && changed().length > 0;
-    $("moment").replaceChildren(`${head.name}${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `, ...entries,
+    $("moment").replaceChildren(...typeset(head.name, (index) => html("sub", {}, index)), `${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `, ...entries,
       compared ? " Thin lines: as configured." : "");
     bodies.forEach((svg, k) => {
       svg.parentElement?.toggleAttribute("hidden", hidden.has(k));
@@ -563,16 +567,22 @@
     $("run").value = String(Number.isFinite(run) ? Math.max(0, Math.min(data.runs - 1, run)) : 0);
     moved();
   });
-  $("theme").addEventListener("change", () => {
-    const theme = $("theme").value;
-    if (theme) document.documentElement.dataset.theme = theme;
+  const theme = /** @type {HTMLSelectElement} */ (document.getElementById("theme"));
+  theme.addEventListener("change", () => {
+    if (theme.value) document.documentElement.dataset.theme = theme.value;
     else delete document.documentElement.dataset.theme;
   });
   $("copy").addEventListener("click", () => navigator.clipboard?.writeText($("command").textContent));
-  window.addEventListener("hashchange", () => { fromFragment(); moved(); });
+  // A report has fragments of other parts, too, as #figures.
+  const isSetting = () => location.hash.includes("=");
+  window.addEventListener("hashchange", () => {
+    if (location.hash.length > 1 && !isSetting()) return;
+    fromFragment();
+    moved();
+  });
 
   $("check").textContent = "Computing the configured runs …";
-  if (location.hash.length > 1) fromFragment();
+  if (isSetting()) fromFragment();
   start(new URLSearchParams(location.search).get("fused") !== "no");
   if (changed().length) $("command").textContent = commanded();
   // For tests and for the curious.

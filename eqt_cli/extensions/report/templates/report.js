@@ -47,7 +47,6 @@
   const table = JSON.parse($("data-runs").textContent);
   const picked = $("data-curves") ? picker(JSON.parse($("data-curves").textContent)) : null;
   runTable();
-  if ($("data-animation")) player(JSON.parse($("data-animation").textContent));
   downloads();
   lawsInFigures();
   window.addEventListener("hashchange", linked);
@@ -98,7 +97,7 @@
     for (const figure of document.querySelectorAll("figure > .paper")) {
       offer(figure.nextElementSibling, "SVG", `${figure.parentElement.id}.svg`, "image/svg+xml", () => drawing(figure.firstElementChild));
     }
-    for (const data of document.querySelectorAll("table.data:not(#all)")) {
+    for (const data of document.querySelectorAll("table.data[id$=-table]")) {
       const name = data.id.replace(/-table$/, "");
       offer($(`${name}-caption`), "CSV", `${name}.csv`, "text/csv", () => csv([...data.rows].map(texts)));
     }
@@ -136,32 +135,6 @@
       return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
     };
     return rows.map((row) => `${row.map(field).join(",")}\r\n`).join("");
-  }
-
-  // The animation, a page of its own; it is made when it comes into sight.
-  function player(page) {
-    const frame = element("iframe", { title: "Animation of a run" });
-    const theme = () => {
-      const chosen = document.documentElement.dataset.theme;
-      const root = frame.contentDocument?.documentElement;
-      if (!root) return;
-      if (chosen) root.dataset.theme = chosen;
-      else delete root.dataset.theme;
-    };
-    frame.addEventListener("load", () => {
-      const inner = frame.contentDocument;
-      inner.querySelectorAll("header, footer").forEach((part) => part.remove());
-      inner.documentElement.style.overflowY = "hidden";
-      new ResizeObserver(() => { frame.style.height = `${inner.documentElement.offsetHeight + 4}px`; }).observe(inner.documentElement);
-      theme();
-    });
-    $("theme").addEventListener("change", theme);
-    new IntersectionObserver((entries, watch) => {
-      if (!entries.some((entry) => entry.isIntersecting)) return;
-      watch.disconnect();
-      frame.srcdoc = page;
-      $("player").append(frame);
-    }, { rootMargin: "400px" }).observe($("player"));
   }
 
   // The run picker.
@@ -305,7 +278,7 @@
       $("slider").value = index;
       $("slider").setAttribute("aria-valuetext", `run ${data.runs[index]}`);
       $("run-name").textContent = data.runs[index];
-      if ($("run-to-animate")) $("run-to-animate").textContent = data.runs[index];
+      $("run-to-animate").textContent = data.runs[index];
       $("previous").disabled = index === 0;
       $("next").disabled = index === data.runs.length - 1;
       $("run-summary").textContent = summarised();
