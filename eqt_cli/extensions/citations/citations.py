@@ -7,6 +7,7 @@ from pathlib import Path
 
 from eqt_cli.api.loading import ResultPath
 from eqt_cli.base.errors import ComponentError, EqtWarning
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import __version__
 from eqt_cli.components.laws import controllers, published
@@ -60,12 +61,16 @@ def cite(result: ResultPath | None = None) -> str:
     >>> print(eqt_cli.cite("results/paper").partition("\n")[0])
     @misc{hampsey2025equivariant,
     """
-    kinds: list[str] = []
-    if result is not None:
+    kinds, more = list[str](), list[str]()
+    others = [] if result is None else list(functions_for("citations", Path(result)))
+    for cited in others:
+        of_folder, entries_of_folder = cited(Path(result or ""))
+        kinds, more = [*kinds, *of_folder], [*more, *entries_of_folder]
+    if result is not None and not others:
         with open_result(Path(result)) as opened:
             kinds = list(opened.kinds.values())
     entries, unknown = citations(kinds)
     if unknown:
         text = f"{', '.join(unknown)}: of a plugin, without an entry here; cite the source yourself"
         reporter().remark(EqtWarning(text))
-    return "\n\n".join(entries)
+    return "\n\n".join([*entries, *more])

@@ -6,3 +6,4 @@ from eqt_cli.base.extensions import COMPUTE, Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_command("suite", "commands.app", COMPUTE, "mylaw.py", "tune")
+    extension.add_function("citations beside law.zip", "citing.citations")

@@ -208,7 +208,7 @@ def _values(record: Any) -> dict[str, float] | None:
 
 
 def _value(value: Any) -> Any:
-    return [_number(each) for each in value] if isinstance(value, list) else _number(value)
+    return [_number(entry) for entry in value] if isinstance(value, list) else _number(value)
 
 
 def _number(value: Any) -> float:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eqt_cli.extensions.suite.tasks import Task
 
 TableFormat = StrEnum(
-    "TableFormat", {"TEXT": "text", "LATEX": "latex", "CSV": "csv", "HTML": "html"}
+    "TableFormat", {"TEXT": "text", "LATEX": "latex", "CSV": "csv", "HTML": "html", "JSON": "json"}
 )
 
 
@@ -100,9 +100,142 @@ def run(
         part = suite.judge_stated(chosen, gains, wanted, folder, cores)
     else:
         part = suite.judge_law(chosen, wanted, folder, cores, force=force)
-    beside = suite.with_archive(part, chosen_tasks([]), folder.parent, cores)
-    _print(beside, chosen_tasks([]), TableFormat.TEXT, json=json, laws=list(part.laws))
+    beside, label = suite.with_archive(part, chosen_tasks([]), folder.parent, cores)
+    _print(beside, chosen_tasks([]), TableFormat.TEXT, json=json, laws=[label])
+    if json:
+        return
     output.print_text(f"results  {folder}", f"next     eqt suite pack {folder}")
+
+
+@app.command("show", cls=Command, epilog=example("eqt suite show", "results/suite/mylaw"))
+def show(
+    results: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[DIR…]", help="Folders of judged laws, or packs. Default: none."),
+    ] = None,
+    format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
+    laws: Laws = None,
+    figure: Annotated[Path | None, options.option("--figure")] = None,
+    json: options.Json = False,
+) -> None:
+    """Print judged laws beside those of the archive; nothing is computed.
+
+    Options
+    -------
+    What to show
+        --laws A,B  Only these laws, and those in the folders.
+        --figure FILE  Draw the ratios by task, in a .pdf, .svg or .png.
+    Output
+        --format NAME  text, latex, csv, html or json.
+    """
+    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite.tasks import chosen_tasks
+
+    tasks = chosen_tasks([])
+    archive, labels = suite.beside_archive(results or [], tasks, _names(laws))
+    if figure is not None:
+        from eqt_cli.extensions.suite.figures import forest
+        from eqt_cli.extensions.suite.verdicts import verdicts
+
+        forest(verdicts(archive, tasks), archive, figure)
+    _print(archive, tasks, format, json=json, laws=labels)
+    if figure is not None:
+        output.say(f"figure   {figure}")
+
+
+@app.command("pack", cls=Command, epilog=example("eqt suite pack", "results/suite/mylaw"))
+def pack(
+    result: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a judged law.")],
+    out: Annotated[Path | None, options.option("--out")] = None,
+    json: options.Json = False,
+) -> None:
+    """Write one file with gains, held-out numbers and the source of a law, to attach to a paper.
+
+    Options
+    -------
+    Result
+        --out FILE  File to write. Default: the law's name and .eqtsuite.zip.
+    """
+    from eqt_cli.extensions.suite import suite
+
+    path = suite.pack(result, out)
+    size = path.stat().st_size
+    answer = {"file": str(path), "bytes": size}
+    lines = [f"{path}, {size / 1e3:.0f} kB", f"next     eqt suite check {path}"]
+    output.print_findings(answer, *lines, json=json)
+
+
+@app.command("check", cls=Command, epilog=example("eqt suite check", "mylaw.eqtsuite.zip"))
+def check(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="A pack, or a folder. Default: the archive."),
+    ] = None,
+    law: Annotated[str | None, options.option("--law")] = None,
+    laws: Laws = None,
+    tasks: Tasks = None,
+    share: Annotated[float, options.option("--share", min=0, max=1)] = 0.1,
+    no_fresh: Annotated[bool, options.option("--no-fresh")] = False,
+    workers: options.Workers = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compute a share of the runs again, and judge the laws on fresh runs.
+
+    The exit code is 4 if runs differ, or if a law is worse on fresh runs than on the public ones by
+    more than chance and 1 %. A file is data: it runs nothing.
+
+    Options
+    -------
+    Experiment
+        --law FILE  The law of a user in the file, which you have read: it is executed. Its source
+            must be that in the file.
+        --laws A,B  Only these laws.
+        --tasks A,B  Only these tasks.
+        --share X  Share of the runs that are computed again. The hash of the numbers draws them.
+        --no-fresh  Compute no fresh runs.
+    """
+    from eqt_cli.extensions.suite import suite
+
+    outcome = suite.check(
+        file,
+        law,
+        _names(laws),
+        _names(tasks),
+        workers or options.cores(),
+        share=share,
+        has_fresh=not no_fresh,
+    )
+    output.print_findings(outcome.record(), *outcome.answer(), json=json)
+    if not outcome.holds:
+        raise typer.Exit(4)
+
+
+@app.command("propose", cls=Command, epilog=example("eqt suite propose", "mytask.yaml"))
+def propose(
+    task: Annotated[Path, typer.Argument(metavar="TASK", help="YAML of a task.")],
+    laws: Laws = None,
+    out: options.Out = None,
+    workers: options.Workers = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Judge a task: does it tell laws apart, is it a copy, or is it decided by tuning noise.
+
+    Tunes the laws of the archive on it, which takes some minutes. The exit code is 4 if it is no
+    task for a suite.
+
+    Options
+    -------
+    Experiment
+        --laws A,B  Only these laws of the archive.
+    """
+    from eqt_cli.extensions.suite import suite
+
+    proposed = suite.propose(task, _names(laws), out, workers or options.cores())
+    output.print_findings(proposed.record(), *proposed.lines(), json=json)
+    if proposed.faults:
+        raise typer.Exit(4)
 
 
 @app.command("archive", cls=Command, epilog=example("eqt suite archive", "--out archive.zip"))
@@ -135,6 +268,8 @@ def archive(
     path, cores = out or archives.ARCHIVE, workers or options.cores()
     whole = suite.write_archive(_names(laws), _names(tasks), path, folder or suite.FOLDER, cores)
     _print(whole, chosen_tasks(_names(tasks)), TableFormat.TEXT, json=json)
+    if json:
+        return
     output.print_text(f"archive  {path}, {path.stat().st_size / 1e6:.2f} MB")
 
 
@@ -149,9 +284,10 @@ def _print(
     """Print what is said of judged laws, the given ones first."""
     from eqt_cli.cli.tables import as_csv, as_latex
     from eqt_cli.extensions.suite import tables, verdicts
+    from eqt_cli.extensions.suite.page import page
     from eqt_cli.results.quantity import Latex, Plain
 
-    if json:
+    if json or format is TableFormat.JSON:
         return output.print_json(tables.judged_records(archive, tasks))
     write = Latex() if format is TableFormat.LATEX else Plain()
     of_tasks = verdicts.verdicts(archive, tasks)
@@ -159,13 +295,16 @@ def _print(
     shown = [tables.overall_table(rows, archive, write)] if rows else []
     shown.append(tables.task_table(of_tasks, archive, tasks, write))
     if format is TableFormat.CSV:
-        return output.print_verbatim(as_csv([each.record() for each in of_tasks]))
+        return output.print_verbatim(as_csv([judgement.record() for judgement in of_tasks]))
     if format is TableFormat.LATEX:
         lines = [f"% {tables.heading(tasks)}", *map(as_latex, shown)]
         return output.print_verbatim("\n\n".join(lines))
-    for law in laws:
-        lines = tables.answer(law, of_tasks, rows, archive.laws[law].title)
-        output.print_text(*lines, "")
+    said = [
+        line for law in laws for line in tables.answer(law, of_tasks, rows, archive.laws[law].title)
+    ]
+    if format is TableFormat.HTML:
+        return output.print_verbatim(page(tables.heading(tasks), said, shown))
+    output.print_text(*said, *([""] if said else []))
     for table in shown:
         output.print_text(output.laid_out(table), "")
     output.print_text(f"suite    {tables.heading(tasks)}")

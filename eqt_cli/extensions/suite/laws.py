@@ -221,7 +221,9 @@ def _file_and_function(text: str) -> tuple[str, str]:
 def _in_python(path: Path, source: str, wanted: str) -> Law:
     remember_executed(source)
     added = load_plugin(path, source)
-    names = [each.split("'")[1] for each in added if each.startswith("controller ")]
+    names = [
+        text_of_law.split("'")[1] for text_of_law in added if text_of_law.startswith("controller ")
+    ]
     if wanted and wanted not in names:
         raise EqtError(f"{path}: has no law '{wanted}'; there are: {', '.join(names) or 'none'}")
     if len(names) != 1 and not wanted:

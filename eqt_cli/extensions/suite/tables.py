@@ -8,7 +8,7 @@ from typing import Any
 
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, listed
 from eqt_cli.extensions.suite.archive import Archive
-from eqt_cli.extensions.suite.tasks import VERSION, Task, digest_of
+from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, digest_of
 from eqt_cli.extensions.suite.verdicts import (
     EQUAL,
     FAILS,
@@ -32,10 +32,12 @@ def _interval(value: float, low: float, high: float) -> str:
     return fixed(value, digits) + ends
 
 
-def _cell(each: TaskVerdict) -> str:
+def _cell(judgement: TaskVerdict) -> str:
     """Return the ratio with its interval, or what failed."""
-    ratio = each.ratio
-    return each.failure or "-" if ratio is None else _interval(ratio.value, ratio.low, ratio.high)
+    ratio = judgement.ratio
+    return (
+        judgement.failure or "-" if ratio is None else _interval(ratio.value, ratio.low, ratio.high)
+    )
 
 
 def task_table(
@@ -49,7 +51,7 @@ def task_table(
     blocks = []
     for name, task in tasks.items():
         of_task = [x for x in of_tasks if x.task == name and (not laws or x.law in laws)]
-        rows = [_row(each, archive, write) for each in of_task]
+        rows = [_row(judgement, archive, write) for judgement in of_task]
         if rows:
             blocks.append(Block(write.text(f"{name}: {task.section.says}"), rows))
     header = ["law", "ratio to GT", "median run", "better in", "failed", "effort", "verdict"]
@@ -59,30 +61,42 @@ def task_table(
         "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
         "law spends on held-out runs, as a share of what all should spend",
     ]
-    if any(each.judged.is_stated for each in of_tasks):
+    if any(judgement.judged.is_stated for judgement in of_tasks):
         notes.append("stated: gains of the user, which the suite did not tune")
     return TextTable(
         "tasks", "Laws against GT, by task", header, blocks, list(map(write.text, notes))
     )
 
 
-def _row(each: TaskVerdict, archive: Archive, write: Plain) -> list[str]:
-    law, ratio = archive.laws[each.law], each.ratio
-    title = law.title + (" (stated)" if each.judged.is_stated else "")
+def _row(judgement: TaskVerdict, archive: Archive, write: Plain) -> list[str]:
+    law, ratio = archive.laws[judgement.law], judgement.ratio
+    if judgement.law == REFERENCE:
+        counted = f"{judgement.judged.failed}/{judgement.judged.runs}"
+        return [
+            write.text(law.title),
+            "1",
+            "-",
+            "-",
+            counted,
+            fixed(judgement.spent, 2),
+            "reference",
+        ]
+    title = law.title + (" (stated)" if judgement.judged.is_stated else "")
     return [
         write.text(title),
-        write.text(_cell(each)),
+        write.text(_cell(judgement)),
         write.text(fixed(ratio.median, 3) if ratio else "-"),
         write.text(f"{100 * ratio.ahead:.0f} %" if ratio else "-"),
-        f"{each.judged.failed}/{each.judged.runs}",
-        fixed(each.spent, 2),
-        each.verdict,
+        f"{judgement.judged.failed}/{judgement.judged.runs}",
+        fixed(judgement.spent, 2),
+        judgement.verdict,
     ]
 
 
 def overall_table(rows: Sequence[Overall], archive: Archive, write: Plain) -> TextTable:
     """Return the table of laws over whole sets of tasks."""
     blocks = []
+    rows = [row for row in rows if row.law != REFERENCE]
     for name in dict.fromkeys(row.tasks for row in rows):
         of_law = [row for row in rows if row.tasks == name]
         title = f"{name} tasks ({of_law[0].count})"
@@ -113,7 +127,7 @@ def answer(
     law: str, of_tasks: Sequence[TaskVerdict], rows: Sequence[Overall], title: str
 ) -> list[str]:
     """Say first what a law does against the reference law."""
-    of_law = [each for each in of_tasks if each.law == law]
+    of_law = [judgement for judgement in of_tasks if judgement.law == law]
     said = []
     for word in VERDICTS:
         names = [f"{x.task} ({_cell(x)})" for x in of_law if x.verdict == word]
@@ -130,11 +144,10 @@ def answer(
             lines.append(f"{over}, there is no mean: it fails on {row.verdicts[FAILS]}.")
     if not any(row.law == law for row in rows):
         lines.append("There is no mean over tasks: this needs a whole set of tasks.")
-    for each in of_law:
-        if abs(each.spent - 1) > EQUAL:
-            lines.append(
-                f"On {each.task}, it spends {fixed(each.spent, 2)} of what all should spend."
-            )
+    for judgement in of_law:
+        if abs(judgement.spent - 1) > EQUAL:
+            spent = fixed(judgement.spent, 2)
+            lines.append(f"On {judgement.task}, it spends {spent} of what all should spend.")
     return lines
 
 
@@ -154,6 +167,6 @@ def judged_records(archive: Archive, tasks: Mapping[str, Task]) -> dict[str, Any
             label: {"title": law.title, "kind": law.kind, "digest": law.digest, "eqt": law.eqt}
             for label, law in archive.laws.items()
         },
-        "tasks": [each.record() for each in of_tasks],
+        "tasks": [judgement.record() for judgement in of_tasks],
         "overall": [row.record() for row in overall(of_tasks, archive, tasks)],
     }

@@ -147,7 +147,10 @@ def both_on_samples(one: Judged, other: Judged) -> tuple[Array, Array]:
     A law with stated gains has the same ones on all samples.
     """
     samples = max(len(one.errors), len(other.errors))
-    a, b = (np.broadcast_to(each.errors, (samples, each.errors.shape[1])) for each in (one, other))
+    a, b = (
+        np.broadcast_to(judgement.errors, (samples, judgement.errors.shape[1]))
+        for judgement in (one, other)
+    )
     return a, b
 
 
@@ -182,7 +185,11 @@ def overall(
     rows = []
     for name, members in sets_of(tasks).items():
         for law in archive.laws.values():
-            of_law = [each for each in of_tasks if each.law == law.label and each.task in members]
+            of_law = [
+                judgement
+                for judgement in of_tasks
+                if judgement.law == law.label and judgement.task in members
+            ]
             if len(of_law) == len(members):
                 rows.append(_overall(law, archive.laws[REFERENCE], name, of_law))
     return rows
@@ -191,13 +198,13 @@ def overall(
 def _overall(
     law: JudgedLaw, reference: JudgedLaw, name: str, of_law: Sequence[TaskVerdict]
 ) -> Overall:
-    counts = {word: sum(each.verdict == word for each in of_law) for word in VERDICTS}
-    values = [each.ratio.value for each in of_law if each.ratio is not None]
+    counts = {word: sum(judgement.verdict == word for judgement in of_law) for word in VERDICTS}
+    values = [judgement.ratio.value for judgement in of_law if judgement.ratio is not None]
     mean = UNKNOWN
     if len(values) == len(of_law):
         parts = [
-            logs_of(*both_on_samples(law.tasks[each.task], reference.tasks[each.task]))
-            for each in of_law
+            logs_of(*both_on_samples(law.tasks[judgement.task], reference.tasks[judgement.task]))
+            for judgement in of_law
         ]
         mean = Interval(*(math.exp(x) for x in joined_over(parts, 0.95)))
     ends = (min(values), max(values)) if values else (math.nan, math.nan)
