@@ -6,3 +6,4 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function("show --diagram", "commands.show")
+    extension.add_function("diagram of a report", "api.of_result")

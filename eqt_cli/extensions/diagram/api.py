@@ -14,6 +14,7 @@ from eqt_cli.base.yaml_source import flow
 
 if TYPE_CHECKING:
     from eqt_cli.config.study import Study
+    from eqt_cli.results.result import Result
 
 
 class LoopDiagram:
@@ -109,6 +110,20 @@ def diagram(
         settings = {f"overrides[{k!r}]": f"{k}={flow(x)}" for k, x in (overrides or {}).items()}
         document = document_from(study, settings, trust_plugins=trust_plugins)
         study = checked(document, most_checked=1)  # one point is drawn
-    swept = [] if study.sweep is None or point is not None else list(study.sweep.keys)
-    experiment = study.base if point is None else experiment_at(study, point)
-    return LoopDiagram(diagram_of(experiment, swept))
+    if point is not None:
+        return LoopDiagram(diagram_of(experiment_at(study, point)))
+    return LoopDiagram(diagram_of(study.base, study.sweep.keys if study.sweep else ()))
+
+
+def of_result(result: Result, trust_plugins: bool) -> str:
+    """Return the diagram of an open result as a part of a page.
+
+    Raises
+    ------
+    EqtError
+        If the result has plugins that are not trusted, or its configuration cannot be read.
+    """
+    from eqt_cli.config.document import document_of
+    from eqt_cli.config.study import study as checked
+
+    return diagram(checked(document_of(result, trust_plugins), most_checked=1)).html()

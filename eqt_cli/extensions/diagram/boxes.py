@@ -358,7 +358,7 @@ def _inertia(loop: Loop) -> str:
     text = with_units(diagonal, named)
     off = any(x for i, row in enumerate(matrix) for k, x in enumerate(row) if i != k)
     varies = type(loop.loop.inertia) is not type(inertia)
-    return text + (", coupled" if off else "") + (" at first, varies" if varies else "")
+    return text + (", coupled" if off else "") + (", varies in time" if varies else "")
 
 
 @boxes_of.register
@@ -385,7 +385,7 @@ def _noisy(block: Noisy, loop: Loop) -> list[Box]:
     vehicle, G = loop.loop.vehicle, loop.loop.group
     names = block.name, *(x.name for x in loop.blocks.values() if isinstance(x, Arrived | Feeling))
     if not vehicle.measures:
-        true = ("the law reads the true", "pose and velocity")
+        true = ("the law reads the true pose and velocity",)
         return [Box("sensors", "exact", true, names, is_ideal=True, gives=("Q, V",))]
     boxes, measured = [], dict[tuple[str, ...], list[Channel]]()
     moving = _places_of_moving(loop)  # which have blocks

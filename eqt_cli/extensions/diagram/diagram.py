@@ -169,14 +169,14 @@ def _merged(of_law: Mapping[str, list[Box]]) -> list[Drawn]:
             else:
                 places.insert(at, box.place)
                 at += 1
-    drawn = []
+    drawn, is_alone = [], all(len(boxes) == 1 for boxes in of_law.values())
     for place in places:
         same = {name: box for name, boxes in of_law.items() for box in boxes if box.place == place}
-        drawn.append(_one(same, () if len(same) == len(of_law) else tuple(same)))
+        drawn.append(_one(same, () if len(same) == len(of_law) else tuple(same), is_alone))
     return [*(box for box in drawn if not box.beside), *(box for box in drawn if box.beside)]
 
 
-def _one(of_law: Mapping[str, Box], only: tuple[str, ...]) -> Drawn:
+def _one(of_law: Mapping[str, Box], only: tuple[str, ...], is_alone: bool) -> Drawn:
     """Return the box of some laws, in which lines that differ name their laws."""
     first, boxes = next(iter(of_law.values())), [*of_law.values()]
     titles = dict.fromkeys(box.title for box in boxes)
@@ -187,6 +187,8 @@ def _one(of_law: Mapping[str, Box], only: tuple[str, ...]) -> Drawn:
         words_of_law = [*([box.title] if len(titles) > 1 else []), *rest]
         if words_of_law or (first.place == LAW and len(of_law) > 1):
             differing.setdefault(tuple(words_of_law), []).append(name)
+    if len(differing) == 1 and not is_alone and not any(differing):
+        differing = {}  # the laws differ in another box
     for texts, names in differing.items():
         texts = texts[1:] if texts[:1] == tuple(names) else texts
         head = ", ".join(names)

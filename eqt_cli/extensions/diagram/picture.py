@@ -210,10 +210,15 @@ def _beside(panel: Panel, boxes: Sequence[Drawn], y: float, width: float, column
 
 
 def _arrow(points: Sequence[tuple[float, float]]) -> str:
-    joined = " ".join(f"{x:g},{y:g}" for x, y in points)
+    """Return a line with a head, which is no marker: those of hidden pictures are not drawn."""
+    (x0, y0), (x, y) = points[-2:]
+    along, up = (x > x0) - (x < x0), (y > y0) - (y < y0)
+    back_x, back_y = x - 7.5 * along, y - 7.5 * up
+    line = " ".join(f"{at:g},{to:g}" for at, to in [*points[:-1], (back_x, back_y)])
     return (
-        f'<polyline points="{joined}" fill="none" stroke="currentColor" stroke-width="1.2" '
-        'marker-end="url(#eqt-loop-end)"/>'
+        f'<polyline points="{line}" fill="none" stroke="currentColor" stroke-width="1.2"/>'
+        f'<path d="M{x:g},{y:g} L{back_x - 3.5 * up:g},{back_y - 3.5 * along:g} '
+        f'L{back_x + 3.5 * up:g},{back_y + 3.5 * along:g} z"/>'
     )
 
 
@@ -244,16 +249,11 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
             "</metadata>"
         )
         head = '<?xml version="1.0" encoding="utf-8"?>\n'
-    end = (
-        '<defs><marker id="eqt-loop-end" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6.5" '
-        'markerHeight="6.5" orient="auto"><path d="M0,0 L8,4 L0,8 z" fill="currentColor"/>'
-        "</marker></defs>"
-    )
     return (
         f'{head}<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height:g}" '
         f'width="{width}" height="{height:g}" font-family="system-ui, sans-serif" '
         f'fill="currentColor" role="img"><title>{escape(f"The loop of {diagram.title}")}</title>'
-        f"{style}{end}{''.join(parts)}</svg>\n"
+        f"{style}{''.join(parts)}</svg>\n"
     )
 
 
@@ -333,19 +333,21 @@ def _columns_of(diagram: Diagram, most: int) -> int:
 def _between(panel: Panel, x: float, to: Panel, to_x: float, words: Sequence[str]) -> Iterator[str]:
     """Yield the arrows from one panel to the next, with what they carry."""
     start, end = x + panel.width - PAD, to_x + PAD
-    middle = x + panel.width + 5
+    middle, is_straight = x + panel.width + 2.5, panel.exits == to.entries
     for leaves in panel.exits:
         for enters in to.entries:
             points = [(start, leaves), (end, enters)]
             if leaves != enters:
                 points[1:1] = [(middle, leaves), (middle, enters)]
             yield _arrow(points)
-    yield from _over((x + panel.width + to_x) / 2 + 1, to.entries[0], words)
+    at = (x + panel.width + to_x) / 2 + (0 if is_straight else 3)
+    yield from _over(at, to.entries[0], words)
 
 
 def _over(x: float, y: float, words: Sequence[str]) -> Iterator[str]:
     """Yield words over an arrow, and those from the second on under it."""
-    for k, text in enumerate(words):
+    lines = [*words[:1], *(x for text in words[1:] for x in wrapped(text, BETWEEN - 6, SMALL))]
+    for k, text in enumerate(lines):
         yield _text(x, y - 5 if k == 0 else y + 1 + 11 * k, text, SMALL, text_anchor="middle")
 
 
@@ -367,6 +369,6 @@ def _rows(diagram: Diagram) -> tuple[list[str], float]:
     law = tops[LAW] + 12
     parts.append(_arrow([(left, y - 12), (8, y - 12), (8, law), (left, law)]))
     last = ", ".join(diagram.arrows[stages[-1]])
-    notes, y = _notes(diagram, left, y + 16, NARROW - left)
-    parts.append(_text(left, y + 0 if notes else y - 2, f"back to the law: {last}", SMALL))
+    parts.append(_text(left, y + 14, f"back to the law: {last}", SMALL))
+    notes, y = _notes(diagram, left, y + 18, NARROW - left)
     return [*parts, *notes], y + 6

@@ -8,6 +8,7 @@ from typing import Any, get_args, get_type_hints
 
 from eqt_cli.base.option_types import (
     POSE,
+    STIFFNESS,
     Scale,
     Unit,
     UnitPlace,
@@ -16,7 +17,7 @@ from eqt_cli.base.option_types import (
     plain_data,
 )
 from eqt_cli.base.registry import Keys
-from eqt_cli.base.reporting import brief
+from eqt_cli.base.reporting import brief, count_of
 from eqt_cli.base.units import base_of, split
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.vehicle_parts import Distribution
@@ -64,7 +65,11 @@ def units_of(component: Any, name: str, place: UnitPlace) -> list[tuple[str, sli
         by_part = place.units(unit)
     except KeyError:  # a plain unit
         return [(unit_text(unit), None)]
-    return [(unit_text(base_of(text)), axes) for text, axes in by_part.values()]
+    of_columns = {part.name: part.entries[1] for part in place.group.parts}
+    return [
+        (unit_text(base_of(text)), of_columns[name] if unit == STIFFNESS else axes)
+        for name, (text, axes) in by_part.items()
+    ]
 
 
 def _marks(hint: Any) -> Iterator[str]:
@@ -83,6 +88,8 @@ def value_text(value: Any) -> str:
         return number_text(value)
     if isinstance(value, Mapping):
         return _mapping_text(value)
+    if _has_units(value):
+        return _as_written(value)
     if isinstance(value, Sequence) and not isinstance(value, str):
         return _list_text([*value])
     text = str(value)
@@ -110,7 +117,7 @@ def _list_text(values: list[Any]) -> str:
         off = any(x for i, row in enumerate(values) for k, x in enumerate(row) if i != k)
         return _list_text(diagonal) if diagonal and not off else f"{rows} × {columns}"
     if values and isinstance(values[0], Mapping) and not {*values[0]} & {"normal", "uniform"}:
-        return str(len(values))
+        return count_of(len(values), "entry").replace("entrys", "entries")
     texts = [value_text(value) for value in values]
     if len({*texts}) == 1:
         return texts[0]
@@ -173,8 +180,8 @@ def option_text(
     """Return an option with its value and unit."""
     words = name.rstrip("_").replace("_", " ")
     if isinstance(value, bool):
-        return words if value else f"not {words}"
-    if has_unit(written) or (isinstance(written, list) and any(map(has_unit, written))):
+        return words if value else f"without {words}"
+    if _has_units(written):
         return f"{words} {_as_written(written)}"
     units = units_of(component, name, place)
     if [unit for unit, _ in units] == ["s"] and isinstance(value, int | float):
@@ -184,19 +191,31 @@ def option_text(
     return f"{words} {with_units(value, units)}"
 
 
+def _has_units(value: Any) -> bool:
+    """Whether a number, or one of a list, is written with a unit."""
+    return has_unit(value) or (isinstance(value, list) and any(map(has_unit, value)))
+
+
 def _as_written(value: Any) -> str:
     """Return numbers with the unit in which they are written, once if it is the same."""
     entries = value if isinstance(value, list) else [value]
     pairs = [split(x) if isinstance(x, str) else None for x in entries]
+    units = {pair[1]: None for pair in pairs if pair is not None}
     numbers = [
-        value_text(x) if pair is None else pair[0] for x, pair in zip(entries, pairs, strict=True)
+        _rounded(x if pair is None else pair[0]) for x, pair in zip(entries, pairs, strict=True)
     ]
-    units = {pair[1] for pair in pairs if pair is not None}
-    numbers = [number.strip().replace("-", "−") for number in numbers]
     if len(units) > 1:
-        return ", ".join(str(x).replace(" ", SPACE) for x in entries)
+        named = zip(numbers, pairs, strict=True)
+        return ", ".join(f"{x}{SPACE}{unit_text(pair[1])}" if pair else x for x, pair in named)
     shown = numbers[0] if len({*numbers}) == 1 else ", ".join(numbers)
-    return f"{shown}{SPACE}{unit_text(units.pop())}"
+    return f"{shown}{SPACE}{unit_text(next(iter(units)))}"
+
+
+def _rounded(number: Any) -> str:
+    try:
+        return number_text(float(number))
+    except (TypeError, ValueError):  # an expression, or a distribution
+        return value_text(number)
 
 
 def with_units(value: Any, units: Sequence[tuple[str, slice | None]]) -> str:

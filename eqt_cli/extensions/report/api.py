@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,9 @@ def report(
                 why = "the page has no certificates; the result could not be verified: "
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
+        with suppress(EqtError):  # plugins that nobody trusts, of which the certificates tell
+            for diagram_of in functions_for("diagram of a report"):
+                certificates["drawing"] = diagram_of(opened, trust_plugins)
         if against and opened.is_sweep:
             raise EqtError("--against: applies to one experiment; choose a point with --point")
         part = function_for("report --live")(opened, trust_plugins) if live else None

@@ -301,7 +301,7 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 OPTIONAL = (
     "best opening looks many premises answer claims levels pairs others missing picker live "
-    "certificates doubts"
+    "certificates doubts drawing"
 ).split()
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
 
