@@ -490,6 +490,21 @@ def bound_below(axes: Axes, curves: Sequence[Array], error: float) -> None:
             axes.set_ylim(floor, top * (top / floor) ** _MARGIN)
 
 
+def _start_on_scale(axes: Axes) -> None:
+    """Draw curves that start below a logarithmic scale, such as at 0, from where they enter it.
+
+    Else a vertical line at the start would show nothing but the end of the scale.
+    """
+    floor = axes.get_ylim()[0]
+    for line in axes.lines:
+        values = np.asarray(line.get_ydata(), float)
+        start = int(np.argmax(values >= floor))
+        if (
+            0 < start <= max(1, _USUAL * len(values))
+        ):  # masked, so that its numbers stay the curve's
+            line.set_ydata(np.ma.array(values, mask=np.arange(len(values)) < start))
+
+
 def bound(axes: Axes, error: float, titles: Mapping[str, str]) -> None:
     """Bound a scale by what its curves say; name the laws that diverge.
 
@@ -505,6 +520,8 @@ def bound(axes: Axes, error: float, titles: Mapping[str, str]) -> None:
     far = diverging(curves)
     near = [curve for label, curve in curves.items() if label not in far]
     bound_below(axes, near, error)
+    if axes.get_yscale() == "log":
+        _start_on_scale(axes)
     if far:
         axes.set_ylim(top=FAR * max(float(curve.max()) for curve in near))
     for number, label in enumerate(far):

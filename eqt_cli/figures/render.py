@@ -180,7 +180,9 @@ def _letter(command: re.Match[str]) -> str:
 def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
     """Yield name and numbers of everything drawn in a panel."""
     for index, line in enumerate(axes.lines, start=1):
-        x, y = map(_numbers, line.get_data(orig=False))
+        # Also of samples that are masked since they lie below a logarithmic scale.
+        x, y = line.get_xdata(orig=False), np.ma.getdata(line.get_ydata())
+        x, y = map(_numbers, (x, y))
         yield _name(line.get_label(), f"line {index}"), x, y
     for index, shape in enumerate(axes.collections, start=1):
         if shape.get_label() == NO_NUMBERS:

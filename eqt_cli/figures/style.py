@@ -8,6 +8,7 @@ import unicodedata
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -245,7 +246,17 @@ Width = Literal["column", "page", "slide"]
 ENLARGED: dict[Width, float] = {"column": 1.0, "page": 1.0, "slide": 18 / 8}
 """Enlargement of a drawing from layout to file: 8 pt are 18 pt on a slide."""
 
-WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]}
+
+class _Widths(dict[Width, float]):
+    """Widths by name; while a style has a width of its own, this one."""
+
+    own: ContextVar[float | None] = ContextVar("own", default=None)
+
+    def __getitem__(self, width: Width) -> float:
+        return self.own.get() or super().__getitem__(width)
+
+
+WIDTHS = _Widths({"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]})
 """Layout widths of one and of both columns of a two-column journal (IEEE's, among others) and of a
 slide, in."""
 
@@ -402,12 +413,11 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
 @contextmanager
 def _as_wide(style: Style) -> Iterator[None]:
     """Give a layout the width of the paper for a while."""
-    usual = WIDTHS[style.width]
-    WIDTHS[style.width] = style.inches or usual
+    token = WIDTHS.own.set(style.inches)
     try:
         yield
     finally:
-        WIDTHS[style.width] = usual
+        WIDTHS.own.reset(token)
 
 
 @contextmanager

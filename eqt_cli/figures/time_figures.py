@@ -133,11 +133,16 @@ class Summary(Panelled, OverTime):
         rows = [
             [runs.drawn_signal(norm + end) for end in parts] for norm in norms if norm != _FUNCTION
         ]
+        alike = {} if self.printed else _one_curve(runs, rows[0] if rows else [], degrees)
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
+            mosaic += [[alike.get(signal, layout.EMPTY) for signal in rows[0]]] if alike else []
         else:
-            mosaic = layout.rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
+            shown = [*(row[0] for row in rows), *norms[len(rows) :], *alike.values()]
+            mosaic = layout.rows_of(shown, 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
+        for signal, name in alike.items():
+            _draw_difference(panels.pop(name), runs, signal, degrees)
         for signal, axes in panels.items():
             for e in runs.with_function() if signal == _FUNCTION else runs.shown:
                 values = runs.errors(signal, e, degrees=degrees)
@@ -190,6 +195,39 @@ class Paper(Summary):
 
     log: bool | None = False
     degrees: bool | None = False
+
+
+def _one_curve(runs: ShownRuns, signals: Sequence[str], degrees: bool) -> dict[str, str]:
+    """Return names of panels of paired differences, by the errors in which two laws look alike.
+
+    The medians of both are nowhere apart by more than a line of the panel.
+    """
+    if len(runs.shown) != 2 or not np.array_equal(runs.shown[0].good, runs.shown[1].good):
+        return {}
+    alike = {}
+    for signal in signals:
+        first, second = (runs.errors(signal, e, degrees=degrees) for e in runs.shown)
+        middles = np.median([first, second], axis=1) if first.shape == second.shape else None
+        if middles is not None and np.ptp(middles, axis=0).max() < _A_LINE * middles.max():
+            alike[signal] = f"difference of {signal}"
+            titles = " and ".join(e.title for e in runs.shown)
+            apart = significant(float(np.ptp(middles, axis=0).max()), 1)
+            unit = "deg" if degrees and signal in runs.attitude_errors else runs.unit(signal)
+            words = f"{titles}: one curve (medians differ by at most {apart} {unit})"
+            runs.note = ", ".join(filter(None, [words, runs.note]))
+    return alike
+
+
+def _draw_difference(axes: Axes, runs: ShownRuns, signal: str, degrees: bool) -> None:
+    """Draw median and quartiles of the second law minus the first, run by run."""
+    first, second = runs.shown
+    errors = [runs.errors(signal, e, degrees=degrees) for e in (second, first)]
+    axes.axhline(0.0, **_limit())
+    draw_middle(axes, runs.times(second), errors[0] - errors[1], second, "quartiles")
+    open_frame(axes)
+    layout.add_title(axes, f"{second.title} − {first.title}")
+    label = runs.error_label(signal, degrees=degrees)
+    layout.name_scale(axes, label.replace("attitude error", "difference"))
 
 
 def _by_label(axes: Axes) -> dict[str, Array]:
@@ -351,6 +389,8 @@ def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
 # Figure of commanded and delivered torque, thrust or momentum of wheels in a single run -----------
 
 
+_A_LINE = 0.01
+"""Share of a scale by which curves in one line are apart."""
 _COMMAND: dict[str, Any] = {"linewidth": 2.0, "zorder": 1.6, "solid_capstyle": "butt"}
 _ASKED = 0.4
 """Share of ink in what a law asks for, behind what the actuators give."""

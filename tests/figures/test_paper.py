@@ -33,6 +33,27 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     ]
 
 
+def test_two_laws_of_one_curve_have_their_paired_difference_in_a_panel(so3, altered, opened):
+    error = opened(so3)["pose_error"].copy()
+    error[1] = error[0] + 1e-3 * np.sin(np.arange(error.shape[-1])) * error[0].max()
+    figure = Summary(controllers=["eqt", "gt"], degrees=False)
+    drawing = figure.draw([altered(so3, pose_error=error)])
+    [panel] = [axes for axes in drawing.axes if axes.get_label() == "difference of pose_error"]
+    assert panel.get_title() == "GT − EqT"
+    median = np.median(error[1] - error[0], axis=0)
+    np.testing.assert_array_equal(panel.lines[-1].get_ydata(), median)
+    assert len(figure.draw([opened(so3)]).axes) == len(drawing.axes) - 1
+
+
+def test_a_curve_that_starts_at_0_starts_where_a_logarithmic_scale_does(so3, altered, opened):
+    error = opened(so3)["velocity_error"].copy()
+    error[..., 0] = 0
+    drawing = Summary(controllers=["eqt"], log=True).draw([altered(so3, velocity_error=error)])
+    values = drawing.axes[1].lines[0].get_ydata()
+    assert np.ma.getmaskarray(values).tolist() == [True] + [False] * (len(values) - 1)
+    assert np.ma.getdata(values)[0] == 0
+
+
 def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names):
     signals = {signal: opened(so3)[signal] for signal in SIGNALS}
     status = np.zeros_like(opened(so3)["status"])
