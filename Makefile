@@ -100,12 +100,13 @@ BEFORE ?= 7cbc8f6^
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
 
-check: $(VENV)/.stamp-lint ## format, lint, types, import layering, names, subjects of commits
+check: $(VENV)/.stamp-lint ## format, lint, types, import layering, names, scripts of pages, subjects of commits
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python .ci/names
+	.ci/javascript/check
 	.ci/subjects
 
 COMPILE = $(BIN)/python -m uv pip compile --quiet --no-header --no-annotate --upgrade --universal \
@@ -126,6 +127,7 @@ hooks: ## check the subject of each of your commits before it is made
 format: $(VENV)/.stamp-lint ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+	.ci/javascript/check --write
 
 reference: $(VENV)/.stamp-base ## write what the program knows into the pages of docs/reference
 	$(BIN)/python docs/reference/generate.py

@@ -14,8 +14,21 @@
  * @typedef {{ data: Float64Array, rows: number, width: number }} Table
  */
 
-const ARRAYS = ["parameters", "starts", "held", "held_at_samples", "held_at_start", "times", "columns",
-  "memory_before", "errors", "spans", "kept", "numbers", "ended"];
+const ARRAYS = [
+  "parameters",
+  "starts",
+  "held",
+  "held_at_samples",
+  "held_at_start",
+  "times",
+  "columns",
+  "memory_before",
+  "errors",
+  "spans",
+  "kept",
+  "numbers",
+  "ended",
+];
 const END = 3; // numbers of a run behind those of the columns: outcome, steps, whether it diverged
 
 /** @param {string} text @returns {Promise<ArrayBuffer>} */
@@ -28,7 +41,9 @@ function unpacked(text) {
 function parts(x) {
   const bits = new DataView(new ArrayBuffer(8));
   bits.setFloat64(0, x);
-  const word = bits.getBigUint64(0), exponent = Number((word >> 52n) & 2047n), low = word & 0xfffffffffffffn;
+  const word = bits.getBigUint64(0),
+    exponent = Number((word >> 52n) & 2047n),
+    low = word & 0xfffffffffffffn;
   const size = exponent ? low | 0x10000000000000n : low;
   return [word >> 63n ? -size : size, (exponent || 1) - 1075];
 }
@@ -36,10 +51,12 @@ function parts(x) {
 /** The double nearest to p / q 2^e; a quotient with 64 bits or more and a sticky one rounds once.
  * @param {bigint} p @param {bigint} q @param {number} e */
 function nearest(p, q, e) {
-  const negative = p < 0n !== q < 0n, [a, b] = [p < 0n ? -p : p, q < 0n ? -q : q];
+  const negative = p < 0n !== q < 0n,
+    [a, b] = [p < 0n ? -p : p, q < 0n ? -q : q];
   if (!a) return 0;
   const shift = Math.max(0, b.toString(2).length - a.toString(2).length + 66);
-  const scaled = a << BigInt(shift), quotient = scaled / b;
+  const scaled = a << BigInt(shift),
+    quotient = scaled / b;
   const number = Number((quotient << 1n) | (quotient * b === scaled ? 0n : 1n)) * 2 ** (e - shift - 1);
   return negative ? -number : number;
 }
@@ -47,13 +64,16 @@ function nearest(p, q, e) {
 /** The inverse of a symmetric positive definite matrix, in exact fractions, rounded once, as in
  * numbers/rounded.py. @param {Float64Array} matrix @param {number} n */
 function inverted(matrix, n) {
-  const split = Array.from(matrix, parts), least = Math.min(...split.map(([size, e]) => (size ? e : 2000)));
+  const split = Array.from(matrix, parts),
+    least = Math.min(...split.map(([size, e]) => (size ? e : 2000)));
   const entry = (/** @type {number} */ k) => (split[k][0] ? split[k][0] << BigInt(split[k][1] - least) : 0n);
   const work = Array.from({ length: n }, (_, i) =>
-    Array.from({ length: 2 * n }, (_, j) => (j < n ? entry(i * n + j) : BigInt(j - n === i))));
+    Array.from({ length: 2 * n }, (_, j) => (j < n ? entry(i * n + j) : BigInt(j - n === i))),
+  );
   let before = 1n; // elimination without fractions, after Bareiss
   for (let k = 0; k < n; k += 1) {
-    const row = work[k], pivot = row[k];
+    const row = work[k],
+      pivot = row[k];
     for (let other = 0; other < n; other += 1) {
       const factor = work[other][k];
       if (other !== k) work[other] = work[other].map((x, j) => (x * pivot - factor * row[j]) / before);
@@ -69,9 +89,12 @@ class Loop {
   constructor(exports, meta) {
     this.meta = meta;
     this.exports = /** @type {any} */ (exports);
-    const sizes = this.sizes = meta.sizes;
-    this.strides = { parameters: sizes.PARAMETERS, starts: sizes.START,
-      errors: (sizes.TICKS + 1) * (sizes.ERRORS + 1) };
+    const sizes = (this.sizes = meta.sizes);
+    this.strides = {
+      parameters: sizes.PARAMETERS,
+      starts: sizes.START,
+      errors: (sizes.TICKS + 1) * (sizes.ERRORS + 1),
+    };
     /** @type {Record<string, Float64Array>} */
     this.memory = {};
     ARRAYS.forEach((name, k) => {
@@ -99,12 +122,19 @@ class Experiment {
   static async of(data, mayFuse = true) {
     const numbers = new Float64Array(await unpacked(data.numbers));
     /** @param {"fused" | "plain"} kind */
-    const loops = (kind) => Promise.all(data.modules.map(async (meta) =>
-      new Loop((await WebAssembly.instantiate(await unpacked(meta.wasm[kind]), {})).instance.exports, meta)));
+    const loops = (kind) =>
+      Promise.all(
+        data.modules.map(
+          async (meta) =>
+            new Loop((await WebAssembly.instantiate(await unpacked(meta.wasm[kind]), {})).instance.exports, meta),
+        ),
+      );
     let made = null;
     try {
       if (mayFuse) made = await loops("fused");
-    } catch { /* a browser without these instructions */ }
+    } catch {
+      /* a browser without these instructions */
+    }
     const fused = made !== null && made.every((loop) => loop.fuses);
     return new Experiment(data, numbers, fused && made ? made : await loops("plain"), fused);
   }
@@ -122,8 +152,12 @@ class Experiment {
     }
     loops.forEach((loop, k) => {
       const sizes = loop.sizes;
-      for (const [name, width] of [["times", 1], ["columns", sizes.COLUMNS + 1], ["memory_before", 1],
-        ["spans", 9]]) {
+      for (const [name, width] of [
+        ["times", 1],
+        ["columns", sizes.COLUMNS + 1],
+        ["memory_before", 1],
+        ["spans", 9],
+      ]) {
         loop.fill(String(name), this.tables[`module ${k}/${name}`], Number(width));
       }
     });
@@ -152,7 +186,8 @@ class Experiment {
     }
     for (const { array, matrix, inverse, size, row } of this.data.inverses) {
       if (!changed.has(array)) continue;
-      const { data, width } = tables[array], begin = row * width + matrix;
+      const { data, width } = tables[array],
+        begin = row * width + matrix;
       data.set(inverted(data.subarray(begin, begin + size * size), size), row * width + inverse);
     }
     return tables;
@@ -162,13 +197,16 @@ class Experiment {
    * @param {Record<string, number>} setting @param {number[]} runs @param {boolean} whole
    * @returns {{ numbers: Float64Array, kept: Float64Array[], ms: number }} */
   compute(setting, runs, whole) {
-    const tables = this.inputs(setting), { columns, laws, solver } = this.data;
-    const width = columns.length + END, numbers = new Float64Array(laws.length * runs.length * width);
+    const tables = this.inputs(setting),
+      { columns, laws, solver } = this.data;
+    const width = columns.length + END,
+      numbers = new Float64Array(laws.length * runs.length * width);
     /** @type {Float64Array[]} */
     const kept = laws.map(() => new Float64Array(0));
     const begun = performance.now();
     for (const loop of this.loops) {
-      const { sizes, meta, memory } = loop, first = meta.laws[0];
+      const { sizes, meta, memory } = loop,
+        first = meta.laws[0];
       loop.fill("held", tables[`${first}/held`], sizes.HELD + 1);
       loop.fill("held_at_samples", tables[`${first}/held_at_samples`], sizes.HELD_AT_SAMPLES + 1);
       loop.fill("held_at_start", tables[`${first}/held_at_start`], sizes.HELD_AT_START + 1);
@@ -184,7 +222,9 @@ class Experiment {
           // The C writes the numbers of all runs of a call one after the other, for each metric.
           const number = (/** @type {number} */ place) => memory.numbers[place * sizes.RUNS + lane];
           const out = (law * runs.length + k) * width;
-          places.forEach((place, j) => { numbers[out + j] = place < 0 ? NaN : number(place); });
+          places.forEach((place, j) => {
+            numbers[out + j] = place < 0 ? NaN : number(place);
+          });
           numbers.set(memory.ended.subarray(3 * lane, 3 * lane + 2), out + columns.length);
           numbers[out + columns.length + 2] = diverged < 0 ? 0 : number(diverged);
           const length = sizes.SAMPLES * sizes.KEPT;
@@ -199,7 +239,8 @@ class Experiment {
    * @param {Loop} loop @param {Record<string, Table>} tables @param {string} label
    * @param {number} run @param {number} lane */
   place(loop, tables, label, run, lane) {
-    const { memory, sizes, strides } = loop, parameters = tables[`${label}/parameters`];
+    const { memory, sizes, strides } = loop,
+      parameters = tables[`${label}/parameters`];
     const row = (/** @type {Table} */ { data, rows, width }, k = rows === 1 ? 0 : run) =>
       data.subarray(k * width, (k + 1) * width);
     memory.parameters.set(row(parameters), lane * strides.parameters);
@@ -220,7 +261,13 @@ self.onmessage = async ({ data: message }) => {
   try {
     if (message.load) {
       experiment = await Experiment.of(message.load, message.mayFuse);
-      self.postMessage({ ready: true, fused: experiment.fused });
+      const { expected, status } = experiment.tables;
+      self.postMessage({
+        ready: true,
+        fused: experiment.fused,
+        expected: expected.data.slice(),
+        status: status.data.slice(),
+      });
     } else if (experiment) {
       const { id, setting, runs, whole } = message;
       self.postMessage({ id, runs, whole, ...experiment.compute(setting, runs, whole) });

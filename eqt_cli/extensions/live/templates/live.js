@@ -15,20 +15,19 @@
   /** @param {string} id @returns {any} */
   const $ = (id) => document.getElementById(`live-${id}`);
   const SVG = "http://www.w3.org/2000/svg";
+  /** @type {Omit<Live, "laws" | "columns"> & { laws: Law[], columns: Column[], panels: Column[], times: number[], engine: string,
+   *   command: string, scene: Scene | null }} */
   const data = JSON.parse($("data").textContent);
-  /** @type {Law[]} */
-  const laws = data.laws;
-  /** @type {Column[]} */
-  const columns = data.columns;
-  /** @type {number[]} */
-  const times = data.times;
-  const last = times.length - 1, END = 3, width = columns.length + END;
+  const { laws, columns, times, scene } = data;
+  const last = times.length - 1,
+    END = 3,
+    width = columns.length + END;
   const OUTCOMES = ["", "too many steps", "not finite", "no step is short enough", "switches without end", "stopped"];
   const SAME = 1e-6; // the largest relative difference of numbers that still are the result's
 
   /** @type {Record<string, number>} */
   const setting = {};
-  const configured = () => Object.fromEntries(data.keys.map((/** @type {any} */ key) => [key.key, key.values[key.base]]));
+  const configured = () => Object.fromEntries(data.keys.map((key) => [key.key, key.values[key.base]]));
   /** The value of a key with its unit. @param {any} key */
   const valued = (key) => setting[key.key] + (key.unit && ` ${key.unit}`);
   const hidden = new Set();
@@ -52,8 +51,12 @@
   /** @param {Law} law */
   const dashes = (law) => law.dashes.map((k) => k * 1.8).join(" ") || "none";
   /** The line of a law in the curves. @param {Law} law */
-  const swatch = (law) => element("svg", { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
-    element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }));
+  const swatch = (law) =>
+    element(
+      "svg",
+      { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
+      element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }),
+    );
   /** The pieces of a name with its indices, as Q_E. @param {string} name @param {(index: string) => Node} below */
   const typeset = (name, below) => name.split(/_(\p{L}+)/u).map((piece, k) => (k % 2 ? below(piece) : piece));
   /** @param {number} x */
@@ -65,24 +68,42 @@
   const fields = {};
   /** @type {Record<string, HTMLElement>} */
   const groups = {};
-  data.keys.forEach((/** @type {any} */ key, /** @type {number} */ k) => {
+  data.keys.forEach((key, k) => {
     const [group, ...rest] = key.key.split(/(?<=^\w+)(?=[.[])/);
-    const ofLaw = (/** @type {string} */ whole, /** @type {string} */ at) => (group === "controllers" && laws[Number(at)] ? `${laws[Number(at)].title}: ` : whole);
-    const name = rest.join("").replace(/^\./, "").replace(/^\[(\d+)\]\.?/, ofLaw);
+    const ofLaw = (/** @type {string} */ whole, /** @type {string} */ at) =>
+      group === "controllers" && laws[Number(at)] ? `${laws[Number(at)].title}: ` : whole;
+    const name = rest
+      .join("")
+      .replace(/^\./, "")
+      .replace(/^\[(\d+)\]\.?/, ofLaw);
     groups[group] ??= $("sliders").appendChild(html("fieldset", {}, html("legend", {}, group)));
-    const label = html("label", { for: `live-key${k}`, title: key.key }, (name || key.key) + (key.unit ? ` (${key.unit})` : ""));
+    const label = html(
+      "label",
+      { for: `live-key${k}`, title: key.key },
+      (name || key.key) + (key.unit ? ` (${key.unit})` : ""),
+    );
     const range = html("input", { type: "range", id: `live-key${k}`, min: 0, max: key.values.length - 1, step: 1 });
-    const box = html("input", { type: "number", step: "any", "aria-label": `${key.key}, as a number`,
-      min: key.values[0], max: key.values[key.values.length - 1] });
+    const box = html("input", {
+      type: "number",
+      step: "any",
+      "aria-label": `${key.key}, as a number`,
+      min: key.values[0],
+      max: key.values[key.values.length - 1],
+    });
     fields[key.key] = (value) => {
-      const nearest = key.values.reduce((/** @type {number} */ best, /** @type {number} */ x, /** @type {number} */ i) =>
-        (Math.abs(x - value) < Math.abs(key.values[best] - value) ? i : best), 0);
+      const nearest = key.values.reduce(
+        (best, x, i) => (Math.abs(x - value) < Math.abs(key.values[best] - value) ? i : best),
+        0,
+      );
       setting[key.key] = key.values[nearest];
       range.value = nearest;
       box.value = setting[key.key];
       range.setAttribute("aria-valuetext", `${key.key} ${valued(key)}`);
     };
-    range.addEventListener("input", () => { fields[key.key](key.values[Number(range.value)]); moved(); });
+    range.addEventListener("input", () => {
+      fields[key.key](key.values[Number(range.value)]);
+      moved();
+    });
     box.addEventListener("change", () => {
       const value = Number(box.value);
       fields[key.key](box.value !== "" && Number.isFinite(value) ? value : setting[key.key]);
@@ -102,7 +123,8 @@
   function fromFragment() {
     const wanted = new URLSearchParams(location.hash.slice(1));
     for (const [key, value] of Object.entries(configured())) {
-      const text = wanted.get(key), number = Number(text);
+      const text = wanted.get(key),
+        number = Number(text);
       fields[key](text && Number.isFinite(number) ? number : value);
     }
     const run = Number(wanted.get("run"));
@@ -113,7 +135,14 @@
 
   /** @type {{ worker: Worker, busy: boolean }[]} */
   const workers = [];
-  let id = 0, fused = true, ready = 0, share = 4, checked = false, told = 0;
+  let id = 0,
+    fused = true,
+    ready = 0,
+    share = 4,
+    checked = false,
+    told = 0;
+  /** What eqt computed. @type {{ expected: Float64Array, status: Float64Array }} */
+  let stored;
   /** @type {Job[]} */
   let queue = [];
   /** @type {Answer | null} */
@@ -122,7 +151,8 @@
   let first = null;
   /** @type {Float64Array} */
   let all = new Float64Array(0);
-  let done = 0, spent = 0;
+  let done = 0,
+    spent = 0;
   /** @type {Float64Array | null} */
   let base = null;
 
@@ -131,7 +161,8 @@
     const source = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
     const count = Math.max(1, Math.min(4, (navigator.hardwareConcurrency || 2) - 1));
     for (let k = 0; k < count; k += 1) {
-      const worker = new Worker(source), entry = { worker, busy: true };
+      const worker = new Worker(source),
+        entry = { worker, busy: true };
       worker.onmessage = ({ data: answer }) => received(entry, answer);
       worker.onerror = (event) => broken(event.message);
       worker.postMessage({ load: data, mayFuse });
@@ -141,7 +172,8 @@
 
   /** @param {string} why */
   function broken(why) {
-    $("check").textContent = `This browser cannot run the compiled program: ${why}. The table has the configured numbers.`;
+    $("check").textContent =
+      `This browser cannot run the compiled program: ${why}. The table has the configured numbers.`;
     $("check").className = "check bad";
   }
 
@@ -151,6 +183,7 @@
     if (answer.failed) return broken(answer.failed);
     if (answer.ready) {
       fused &&= answer.fused;
+      stored = answer;
       ready += 1;
       if (ready === 1) compute();
     } else if (answer.id === id) {
@@ -174,7 +207,8 @@
   /** Asks for all runs of a setting; what was asked before is forgotten. */
   function compute() {
     id += 1;
-    const now = base ? { ...setting } : configured(), run = Number($("run").value);
+    const now = base ? { ...setting } : configured(),
+      run = Number($("run").value);
     all = new Float64Array(laws.length * data.runs * width);
     done = spent = 0;
     queue = [{ id, setting: { ...setting }, runs: [run], whole: true }];
@@ -187,13 +221,15 @@
 
   /** @param {Answer} answer */
   function gather({ runs, numbers, ms }) {
-    laws.forEach((_, law) => runs.forEach((run, k) => {
-      const row = numbers.subarray((law * runs.length + k) * width, (law * runs.length + k + 1) * width);
-      all.set(row, (law * data.runs + run) * width);
-    }));
+    laws.forEach((_, law) =>
+      runs.forEach((run, k) => {
+        const row = numbers.subarray((law * runs.length + k) * width, (law * runs.length + k + 1) * width);
+        all.set(row, (law * data.runs + run) * width);
+      }),
+    );
     done += runs.length;
     spent += ms;
-    share = Math.max(1, Math.min(64, Math.round(runs.length * 30 / Math.max(ms, 1))));
+    share = Math.max(1, Math.min(64, Math.round((runs.length * 30) / Math.max(ms, 1))));
     $("progress").textContent = done < data.runs ? `${done} of ${data.runs} runs …` : "";
     if (done < data.runs) return;
     if (base) {
@@ -201,21 +237,25 @@
       return;
     }
     base = all.slice();
-    check().then(() => {
-      table();
-      if (changed().length) compute();
-    });
+    check(base);
+    table();
+    if (changed().length) compute();
   }
 
-  const changed = () => data.keys.filter((/** @type {any} */ key) => setting[key.key] !== key.values[key.base]);
+  const changed = () => data.keys.filter((key) => setting[key.key] !== key.values[key.base]);
 
-  const commanded = () => data.command + changed().map((/** @type {any} */ key) => ` --set '${key.key}=${valued(key)}'`).join("");
+  const commanded = () =>
+    data.command +
+    changed()
+      .map((key) => ` --set '${key.key}=${valued(key)}'`)
+      .join("");
 
   function moved() {
     compute();
-    const keys = changed(), run = Number($("run").value);
+    const keys = changed(),
+      run = Number($("run").value);
     $("command").textContent = commanded();
-    const parts = keys.map((/** @type {any} */ key) => [key.key, String(setting[key.key])]);
+    const parts = keys.map((key) => [key.key, String(setting[key.key])]);
     if (run) parts.push(["run", String(run)]);
     $("link").href = `#${new URLSearchParams(parts)}`;
     history.replaceState(null, "", $("link").href);
@@ -225,30 +265,29 @@
 
   // Whether the configured numbers are those of eqt ----------------------------------------------
 
-  /** @param {string} name */
-  async function stored(name) {
-    const packed = Uint8Array.from(atob(data.numbers), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-    const [begin, rows, length] = data.index[name];
-    return new Float64Array(await new Response(stream).arrayBuffer()).slice(begin, begin + rows * length);
-  }
-
-  async function check() {
-    const [expected, status] = await Promise.all([stored("expected"), stored("status")]);
-    let equal = 0, count = 0, largest = 0;
+  /** Compares them, and says so. @param {Float64Array} configured */
+  function check(configured) {
+    const { expected, status } = stored;
+    let equal = 0,
+      count = 0,
+      largest = 0;
     for (let row = 0; row < laws.length * data.runs; row += 1) {
       if (status[row]) continue; // of a run that failed, no number counts
       for (let j = 0; j < columns.length; j += 1) {
-        const ours = base ? base[row * width + j] : NaN, theirs = expected[row * columns.length + j];
+        const ours = configured[row * width + j],
+          theirs = expected[row * columns.length + j];
         count += 1;
-        if (Object.is(ours, theirs) || (Number.isNaN(ours) && Number.isNaN(theirs))) equal += 1;
-        else if (ours !== theirs) largest = Math.max(largest, Math.abs(ours - theirs) / Math.max(Math.abs(theirs), 1e-300) || Infinity);
+        if (Object.is(ours, theirs)) equal += 1;
+        else if (ours !== theirs)
+          largest = Math.max(largest, Math.abs(ours - theirs) / Math.max(Math.abs(theirs), 1e-300) || Infinity);
       }
     }
     checked = largest <= SAME;
     const all_ = `${count.toLocaleString("en")} configured numbers`;
-    const words = equal === count ? `All ${all_} equal eqt's, to the last bit.`
-      : `Of ${all_}, ${equal.toLocaleString("en")} equal eqt's to the last bit; the largest relative difference is ${largest.toPrecision(1)}.`;
+    const words =
+      equal === count
+        ? `All ${all_} equal eqt's, to the last bit.`
+        : `Of ${all_}, ${equal.toLocaleString("en")} equal eqt's to the last bit; the largest relative difference is ${largest.toPrecision(1)}.`;
     const other = data.engine ? ` The engine ${data.engine} computed the result, native computes here.` : "";
     const why = fused ? other : " This browser rounds a·b + c twice, where eqt rounds once.";
     const bad = " So this page is not the experiment, and shows no table; please report it.";
@@ -261,7 +300,8 @@
   /** Returns means over the runs of a law that did not fail, and how many failed.
    * @param {Float64Array} numbers @param {number} law */
   function means(numbers, law) {
-    const sums = columns.map(() => 0), failures = new Map();
+    const sums = columns.map(() => 0),
+      failures = new Map();
     let good = 0;
     for (let run = 0; run < data.runs; run += 1) {
       const row = numbers.subarray((law * data.runs + run) * width, (law * data.runs + run + 1) * width);
@@ -272,7 +312,9 @@
       } else {
         good += 1;
         // A settling time is infinite where a run does not settle; a flag is 0.
-        sums.forEach((_, j) => { sums[j] += columns[j].counts ? Number(Number.isFinite(row[j]) && row[j] !== 0) : row[j]; });
+        sums.forEach((_, j) => {
+          sums[j] += columns[j].counts ? Number(Number.isFinite(row[j]) && row[j] !== 0) : row[j];
+        });
       }
     }
     return { good, failures, values: sums.map((sum, j) => (columns[j].counts ? sum : sum / good)) };
@@ -284,19 +326,22 @@
       return;
     }
     const body = $("all").tBodies[0];
-    body.replaceChildren(...laws.map((law, k) => {
-      const { good, failures, values } = means(all, k), was = means(base ?? all, k);
-      const box = html("input", { type: "checkbox" });
-      box.checked = !hidden.has(k);
-      box.addEventListener("change", () => {
-        if (box.checked) hidden.delete(k);
-        else hidden.add(k);
-        draw();
-      });
-      const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), law.title));
-      for (const [why, count] of failures) head.append(html("span", { class: "failed" }, `${count} failed: ${why}`));
-      return html("tr", {}, head, ...columns.map((column, j) => cell(column, values[j], was.values[j], good)));
-    }));
+    body.replaceChildren(
+      ...laws.map((law, k) => {
+        const { good, failures, values } = means(all, k),
+          was = means(base ?? all, k);
+        const box = html("input", { type: "checkbox" });
+        box.checked = !hidden.has(k);
+        box.addEventListener("change", () => {
+          if (box.checked) hidden.delete(k);
+          else hidden.add(k);
+          draw();
+        });
+        const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), law.title));
+        for (const [why, count] of failures) head.append(html("span", { class: "failed" }, `${count} failed: ${why}`));
+        return html("tr", {}, head, ...columns.map((column, j) => cell(column, values[j], was.values[j], good)));
+      }),
+    );
   }
 
   /** @param {Column} column @param {number} value @param {number} was @param {number} good */
@@ -304,7 +349,8 @@
     const difference = value - was;
     const made = html("td", {}, column.counts ? `${value}/${good}` : written(value));
     if (changed().length && Number.isFinite(difference)) {
-      const rises = difference > 0, better = column.better && difference ? (column.better === "higher") === rises : null;
+      const rises = difference > 0,
+        better = column.better && difference ? (column.better === "higher") === rises : null;
       const state = better === null ? "" : better ? " better" : " worse";
       made.append(html("span", { class: `change${state}` }, (rises ? "+" : "") + written(difference) + state));
     }
@@ -326,7 +372,12 @@
 
   // Curves of one run ----------------------------------------------------------------------------
 
-  const WIDTH = 460, HEIGHT = 190, LEFT = 50, RIGHT = 10, TOP = 24, BOTTOM = 22;
+  const WIDTH = 460,
+    HEIGHT = 190,
+    LEFT = 50,
+    RIGHT = 10,
+    TOP = 24,
+    BOTTOM = 22;
   let now = 0;
 
   /** @param {Answer} answer */
@@ -339,8 +390,10 @@
   /** Returns a number of a sample of the run on show.
    * @param {Answer} answer @param {number} law @param {string} name */
   function course(answer, law, name) {
-    const module = data.modules.find((/** @type {any} */ each) => each.laws.includes(laws[law].label));
-    const [begin, shape] = module.kept[name], step = module.sizes.KEPT, size = shape.reduce((/** @type {number} */ a, /** @type {number} */ b) => a * b, 1);
+    const module = data.modules.filter((each) => each.laws.includes(laws[law].label))[0];
+    const [begin, shape] = module.kept[name],
+      step = module.sizes.KEPT,
+      size = shape.reduce((a, b) => a * b, 1);
     const kept = answer.kept[law];
     return (/** @type {number} */ sample, k = 0) => kept[sample * step + begin + Math.min(k, size - 1)];
   }
@@ -348,38 +401,51 @@
   /** @param {number} high @param {number} count */
   function ticks(high, count) {
     const power = 10 ** Math.floor(Math.log10(high / count));
-    const step = ([1, 2, 2.5, 5, 10].find((k) => k * power >= high / count * (1 - 1e-9)) ?? 10) * power;
+    const step = ([1, 2, 2.5, 5, 10].find((k) => k * power >= (high / count) * (1 - 1e-9)) ?? 10) * power;
     return Array.from({ length: Math.floor(high / step + 1e-9) + 1 }, (_, k) => Number((k * step).toPrecision(6)));
   }
 
-  const x = (/** @type {number} */ t) => LEFT + (WIDTH - LEFT - RIGHT) * (t - times[0]) / (times[last] - times[0]);
+  const x = (/** @type {number} */ t) => LEFT + ((WIDTH - LEFT - RIGHT) * (t - times[0])) / (times[last] - times[0]);
 
-  const panels = data.panels.map((/** @type {Column} */ head) => {
+  const panels = data.panels.map((head) => {
     const unit = head.unit ? ` (${head.unit})` : "";
-    const svg = element("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${head.name}${unit} over time` });
+    const svg = element("svg", {
+      viewBox: `0 0 ${WIDTH} ${HEIGHT}`,
+      role: "img",
+      "aria-label": `${head.name}${unit} over time`,
+    });
     const axes = svg.appendChild(element("g"));
     const before = laws.map((law) => svg.appendChild(element("path", { class: "was", stroke: law.colour })));
-    const curves = laws.map((law) => svg.appendChild(element("path", { class: "curve", stroke: law.colour, "stroke-dasharray": dashes(law) })));
+    const curves = laws.map((law) =>
+      svg.appendChild(element("path", { class: "curve", stroke: law.colour, "stroke-dasharray": dashes(law) })),
+    );
     const cursor = svg.appendChild(element("line", { class: "now", y1: TOP, y2: HEIGHT - BOTTOM }));
-    const below = (/** @type {string} */ index) => element("tspan", { "baseline-shift": "sub", "font-size": "75%" }, index);
+    const below = (/** @type {string} */ index) =>
+      element("tspan", { "baseline-shift": "sub", "font-size": "75%" }, index);
     svg.append(element("text", { x: LEFT, y: 14 }, ...typeset(head.name, below), unit));
     $("panels").append(html("div", { class: "panel" }, svg));
     svg.addEventListener("pointermove", (event) => {
-      const box = svg.getBoundingClientRect(), at = (event.clientX - box.left) / box.width * WIDTH;
-      seek(Math.round((at - LEFT) / (WIDTH - LEFT - RIGHT) * last));
+      const box = svg.getBoundingClientRect(),
+        at = ((event.clientX - box.left) / box.width) * WIDTH;
+      seek(Math.round(((at - LEFT) / (WIDTH - LEFT - RIGHT)) * last));
     });
     return { head, axes, before, curves, cursor };
   });
 
   function draw() {
     if (!shown) return;
-    const answer = shown, seen = laws.map((_, k) => k).filter((k) => !hidden.has(k));
+    const answer = shown,
+      seen = laws.map((_, k) => k).filter((k) => !hidden.has(k));
     for (const panel of panels) {
-      const values = laws.map((_, k) => { const at = course(answer, k, panel.head.metric); return times.map((_t, i) => at(i)); });
+      const values = laws.map((_, k) => {
+        const at = course(answer, k, panel.head.metric);
+        return times.map((_t, i) => at(i));
+      });
       const high = 1.05 * (Math.max(...seen.flatMap((k) => values[k].filter(Number.isFinite)), 0) || 1);
-      const y = (/** @type {number} */ v) => HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * Math.min(v, 2 * high) / high;
+      const y = (/** @type {number} */ v) => HEIGHT - BOTTOM - ((HEIGHT - TOP - BOTTOM) * Math.min(v, 2 * high)) / high;
       const path = (/** @type {number[]} */ curve) => {
-        let text = "", pen = false;
+        let text = "",
+          pen = false;
         curve.forEach((v, i) => {
           if (Number.isFinite(v)) text += `${pen ? "L" : "M"}${x(times[i]).toFixed(1)} ${y(v).toFixed(1)}`;
           pen = Number.isFinite(v);
@@ -388,13 +454,19 @@
       };
       laws.forEach((_, k) => {
         panel.curves[k].setAttribute("d", hidden.has(k) ? "" : path(values[k]));
-        const was = first && first !== answer && changed().length && !hidden.has(k) ? course(first, k, panel.head.metric) : null;
+        const was =
+          first && first !== answer && changed().length && !hidden.has(k) ? course(first, k, panel.head.metric) : null;
         panel.before[k].setAttribute("d", was ? path(times.map((_t, i) => Math.min(was(i), 1.04 * high))) : "");
       });
       panel.axes.replaceChildren(
-        ...ticks(high, 4).flatMap((v) => [element("line", { class: "gridline", x1: LEFT, x2: WIDTH - RIGHT, y1: y(v), y2: y(v) }),
-          element("text", { x: LEFT - 6, y: y(v) + 4, "text-anchor": "end" }, String(v))]),
-        ...ticks(times[last] - times[0], 5).map((t) => element("text", { x: x(times[0] + t), y: HEIGHT - 6, "text-anchor": "middle" }, `${t}${t ? "" : " s"}`)));
+        ...ticks(high, 4).flatMap((v) => [
+          element("line", { class: "gridline", x1: LEFT, x2: WIDTH - RIGHT, y1: y(v), y2: y(v) }),
+          element("text", { x: LEFT - 6, y: y(v) + 4, "text-anchor": "end" }, String(v)),
+        ]),
+        ...ticks(times[last] - times[0], 5).map((t) =>
+          element("text", { x: x(times[0] + t), y: HEIGHT - 6, "text-anchor": "middle" }, `${t}${t ? "" : " s"}`),
+        ),
+      );
     }
     moment();
   }
@@ -417,30 +489,47 @@
       panel.cursor.setAttribute("x2", String(x(t)));
     }
     if (!shown) return;
-    const answer = shown, head = panels[0].head;
-    const entries = laws.flatMap((law, k) => (hidden.has(k) ? []
-      : [html("span", { class: "entry" }, swatch(law), `${law.title}: ${written(course(answer, k, head.metric)(now))}`)]));
+    const answer = shown,
+      head = panels[0].head;
+    const entries = laws.flatMap((law, k) =>
+      hidden.has(k)
+        ? []
+        : [
+            html(
+              "span",
+              { class: "entry" },
+              swatch(law),
+              `${law.title}: ${written(course(answer, k, head.metric)(now))}`,
+            ),
+          ],
+    );
     const compared = first && first !== answer && changed().length > 0;
-    $("moment").replaceChildren(...typeset(head.name, (index) => html("sub", {}, index)), `${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `, ...entries,
-      compared ? " Thin lines: as configured." : "");
+    $("moment").replaceChildren(
+      ...typeset(head.name, (index) => html("sub", {}, index)),
+      `${head.unit ? ` (${head.unit})` : ""} at ${t.toFixed(2)} s: `,
+      ...entries,
+      compared ? " Thin lines: as configured." : "",
+    );
     bodies.forEach((svg, k) => {
       svg.parentElement?.toggleAttribute("hidden", hidden.has(k));
       if (!hidden.has(k)) body(svg, k, answer);
     });
   }
 
-  /** @type {Scene | null} */
-  const scene = data.scene;
   const SIZE = 240;
   let view = scene ? [...scene.view] : [0, 0];
 
   const dot = (/** @type {number[]} */ a, /** @type {number[]} */ b) => a.reduce((sum, v, i) => sum + v * b[i], 0);
-  const cross = (/** @type {number[]} */ a, /** @type {number[]} */ b) =>
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const cross = (/** @type {number[]} */ a, /** @type {number[]} */ b) => [
+    a[1] * b[2] - a[2] * b[1],
+    a[2] * b[0] - a[0] * b[2],
+    a[0] * b[1] - a[1] * b[0],
+  ];
 
   /** The camera: rows to the right, up, and towards the eye. */
   function camera() {
-    const [azimuth, elevation] = view, level = Math.cos(elevation);
+    const [azimuth, elevation] = view,
+      level = Math.cos(elevation);
     const towards = [level * Math.cos(azimuth), level * Math.sin(azimuth), Math.sin(elevation)];
     const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
     return [right, cross(towards, right), towards];
@@ -448,54 +537,93 @@
 
   /** @param {Scene} seen @param {(sample: number, k: number) => number} pose @param {number} sample */
   function placed(seen, pose, sample) {
-    const turned = [0, 1, 2].map((i) => [0, 1, 2].map((j) => {
-      const row = seen.rotation[i];
-      return row && j < row.length ? pose(sample, row[j]) : Number(i === j);
-    }));
+    const turned = [0, 1, 2].map((i) =>
+      [0, 1, 2].map((j) => {
+        const row = seen.rotation[i];
+        return row && j < row.length ? pose(sample, row[j]) : Number(i === j);
+      }),
+    );
     const place = [0, 1, 2].map((i) => (i in seen.position ? pose(sample, seen.position[i]) : 0));
-    const rotation = seen.frame.map((row) => [0, 1, 2].map((j) => dot(row, turned.map((each) => each[j]))));
+    const rotation = seen.frame.map((row) =>
+      [0, 1, 2].map((j) =>
+        dot(
+          row,
+          turned.map((each) => each[j]),
+        ),
+      ),
+    );
     return { rotation, place: seen.frame.map((row) => dot(row, place)) };
   }
 
   /** @param {SVGElement} svg @param {number} law @param {Answer} answer */
   function body(svg, law, answer) {
     const seen = /** @type {Scene} */ (scene); // without one, there are no bodies
-    const eye = camera(), scale = SIZE / 2 / seen.reach, parts = [], colour = laws[law].colour;
+    const eye = camera(),
+      scale = SIZE / 2 / seen.reach,
+      parts = [],
+      colour = laws[law].colour;
     const at = (/** @type {number[]} */ v) => {
       const w = v.map((value, k) => value - seen.centre[k]);
       return [SIZE / 2 + scale * dot(eye[0], w), SIZE / 2 - scale * dot(eye[1], w)];
     };
-    const line = (/** @type {number[][]} */ points) => points.map(([u, v], k) => `${k ? "L" : "M"}${u.toFixed(1)} ${v.toFixed(1)}`).join("");
+    const line = (/** @type {number[][]} */ points) =>
+      points.map(([u, v], k) => `${k ? "L" : "M"}${u.toFixed(1)} ${v.toFixed(1)}`).join("");
     parts.push(element("path", { class: "ground", d: seen.ground.map((ends) => line(ends.map(at))).join("") }));
-    const pose = course(answer, law, "pose"), desired = course(answer, law, "desired_pose");
+    const pose = course(answer, law, "pose"),
+      desired = course(answer, law, "desired_pose");
     if (seen.position.length) {
       const every = times.map((_, i) => i).filter((i) => i % Math.ceil(last / 100) === 0);
-      parts.push(element("path", { class: "trail target", d: line(every.map((i) => at(placed(seen, desired, i).place))) }));
+      parts.push(
+        element("path", { class: "trail target", d: line(every.map((i) => at(placed(seen, desired, i).place))) }),
+      );
       const going = every.filter((i) => Number.isFinite(pose(i, seen.position[0])));
-      parts.push(element("path", { class: "trail", stroke: colour, d: line(going.map((i) => at(placed(seen, pose, i).place))) }));
+      parts.push(
+        element("path", { class: "trail", stroke: colour, d: line(going.map((i) => at(placed(seen, pose, i).place))) }),
+      );
     }
 
     /** @param {{ rotation: number[][], place: number[] }} where @param {boolean} ghost */
     function block(where, ghost) {
-      const point = (/** @type {number[]} */ v) => where.rotation.map((row, i) => where.place[i] + seen.length * dot(row, v));
+      const point = (/** @type {number[]} */ v) =>
+        where.rotation.map((row, i) => where.place[i] + seen.length * dot(row, v));
       const paint = ghost ? "var(--soft)" : colour;
       const polygons = seen.rotors.length ? seen.rotors : seen.faces.map((face) => face.map((k) => seen.corners[k]));
       for (const polygon of polygons) {
         const outline = polygon.map(point);
         let bright = 0.25; // of a disc of a rotor, which is seen from both sides
         if (!seen.rotors.length) {
-          const [a, b, , d] = outline, normal = cross(b.map((v, i) => v - a[i]), d.map((v, i) => v - a[i]));
+          const [a, b, , d] = outline,
+            normal = cross(
+              b.map((v, i) => v - a[i]),
+              d.map((v, i) => v - a[i]),
+            );
           const middle = outline.reduce((sum, v) => sum.map((u, i) => u + v[i] / outline.length), [0, 0, 0]);
-          const out = dot(normal, middle.map((v, i) => v - where.place[i])) < 0 ? -1 : 1;
+          const out =
+            dot(
+              normal,
+              middle.map((v, i) => v - where.place[i]),
+            ) < 0
+              ? -1
+              : 1;
           const towards = out * dot(normal, eye[2]);
           if (towards <= 0) continue;
-          bright = 0.2 + 0.45 * towards / Math.hypot(...normal);
+          bright = 0.2 + (0.45 * towards) / Math.hypot(...normal);
         }
-        parts.push(element("path", { d: `${line(outline.map(at))}Z`, fill: ghost ? "none" : paint, "fill-opacity": bright.toFixed(2), stroke: paint }));
+        parts.push(
+          element("path", {
+            d: `${line(outline.map(at))}Z`,
+            fill: ghost ? "none" : paint,
+            "fill-opacity": bright.toFixed(2),
+            stroke: paint,
+          }),
+        );
       }
       ["x", "y", "z"].forEach((name, k) => {
-        const tip = point([0, 1, 2].map((i) => Number(i === k))), beyond = point([0, 1, 2].map((i) => 1.18 * Number(i === k)));
-        parts.push(element("path", { class: ghost ? "reference" : "axis-of-body", d: line([at(where.place), at(tip)]) }));
+        const tip = point([0, 1, 2].map((i) => Number(i === k))),
+          beyond = point([0, 1, 2].map((i) => 1.18 * Number(i === k)));
+        parts.push(
+          element("path", { class: ghost ? "reference" : "axis-of-body", d: line([at(where.place), at(tip)]) }),
+        );
         const [u, v] = at(beyond);
         if (!ghost) parts.push(element("text", { x: u.toFixed(1), y: v.toFixed(1), fill: "currentColor" }, name));
       });
@@ -505,7 +633,8 @@
     if (where.rotation.flat().every(Number.isFinite)) block(where, false);
     else parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, fill: colour }, "run failed"));
     seen.inertial.forEach(([name, axis]) => {
-      const [u, v] = [dot(eye[0], axis), -dot(eye[1], axis)], corner = [30, SIZE - 28];
+      const [u, v] = [dot(eye[0], axis), -dot(eye[1], axis)],
+        corner = [30, SIZE - 28];
       parts.push(element("path", { class: "inertial", d: line([corner, [corner[0] + 20 * u, corner[1] + 20 * v]]) }));
       parts.push(element("text", { class: "inertial-name", x: corner[0] + 29 * u, y: corner[1] + 29 * v }, name));
     });
@@ -519,30 +648,50 @@
   }
 
   /** @type {SVGElement[]} */
-  const bodies = scene ? laws.map((law) => {
-    const svg = /** @type {any} */ (element("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, role: "img", tabindex: 0,
-      "aria-label": `Body under ${law.title} and the desired one; arrow keys turn the view` }));
-    $("bodies").append(html("figure", {}, svg, html("figcaption", {}, law.title)));
-    /** @type {number[] | null} */
-    let held = null;
-    svg.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => { held = [event.clientX, event.clientY]; svg.setPointerCapture(event.pointerId); });
-    svg.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
-      if (!held) return;
-      turn((held[0] - event.clientX) / 90, (event.clientY - held[1]) / 90);
-      held = [event.clientX, event.clientY];
-    });
-    svg.addEventListener("pointerup", () => { held = null; });
-    svg.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
-      const step = /** @type {Record<string, number[]>} */ ({ ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] })[event.key];
-      if (!step) return;
-      event.preventDefault();
-      turn(step[0], step[1]);
-    });
-    return svg;
-  }) : [];
+  const bodies = scene
+    ? laws.map((law) => {
+        const svg = /** @type {any} */ (
+          element("svg", {
+            viewBox: `0 0 ${SIZE} ${SIZE}`,
+            role: "img",
+            tabindex: 0,
+            "aria-label": `Body under ${law.title} and the desired one; arrow keys turn the view`,
+          })
+        );
+        $("bodies").append(html("figure", {}, svg, html("figcaption", {}, law.title)));
+        /** @type {number[] | null} */
+        let held = null;
+        svg.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
+          held = [event.clientX, event.clientY];
+          svg.setPointerCapture(event.pointerId);
+        });
+        svg.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
+          if (!held) return;
+          turn((held[0] - event.clientX) / 90, (event.clientY - held[1]) / 90);
+          held = [event.clientX, event.clientY];
+        });
+        svg.addEventListener("pointerup", () => {
+          held = null;
+        });
+        svg.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+          const step = /** @type {Record<string, number[]>} */ ({
+            ArrowLeft: [0.1, 0],
+            ArrowRight: [-0.1, 0],
+            ArrowUp: [0, 0.1],
+            ArrowDown: [0, -0.1],
+          })[event.key];
+          if (!step) return;
+          event.preventDefault();
+          turn(step[0], step[1]);
+        });
+        return svg;
+      })
+    : [];
 
   // Nothing moves by itself: a run is played where somebody asks for it.
-  let playing = false, before = 0, position = 0;
+  let playing = false,
+    before = 0,
+    position = 0;
   function play(/** @type {boolean} */ on) {
     playing = on;
     $("play").textContent = on ? "❚❚ Pause" : "▶ Play";
@@ -554,7 +703,7 @@
   }
   function step(/** @type {number} */ instant) {
     if (!playing) return;
-    position += (instant - before) / 1000 * last / (times[last] - times[0]);
+    position += (((instant - before) / 1000) * last) / (times[last] - times[0]);
     before = instant;
     seek(Math.floor(position));
     if (position >= last) play(false);
@@ -586,6 +735,27 @@
   start(new URLSearchParams(location.search).get("fused") !== "no");
   if (changed().length) $("command").textContent = commanded();
   // For tests and for the curious.
-  Object.assign(window, { eqtLive: { data, setting, fields, moved, get shown() { return shown; }, get all() { return all; },
-    get done() { return done >= data.runs && base !== null; }, get ms() { return spent; }, get fused() { return fused; } } });
+  Object.assign(window, {
+    eqtLive: {
+      data,
+      setting,
+      fields,
+      moved,
+      get shown() {
+        return shown;
+      },
+      get all() {
+        return all;
+      },
+      get done() {
+        return done >= data.runs && base !== null;
+      },
+      get ms() {
+        return spent;
+      },
+      get fused() {
+        return fused;
+      },
+    },
+  });
 })();
