@@ -76,7 +76,6 @@ from eqt_cli.components.forces import ConstantForce as ConstantForce
 from eqt_cli.components.forces import Drag as Drag
 from eqt_cli.components.forces import ExpressionForce as ExpressionForce
 from eqt_cli.components.forces import Force as Force
-from eqt_cli.components.forces import GravityGradient as GravityGradient
 from eqt_cli.components.forces import Gust as Gust
 from eqt_cli.components.forces import Restoring as Restoring
 from eqt_cli.components.groups import MatrixLieGroup as MatrixLieGroup

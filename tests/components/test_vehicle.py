@@ -47,7 +47,6 @@ from eqt_cli.extend import (
     Drag,
     EqT,
     Gains,
-    GravityGradient,
     Gust,
     Invariant,
     Problems,
@@ -273,42 +272,12 @@ def test_wheels_take_up_what_they_can():
     assert part.at_limit(SO3, command, x).all()
 
 
-@pytest.mark.parametrize(("G", "e", "nu"), [(SO3, 0.0, 0.0), (SE3, 0.0, 0.0), (SO3, 0.6, 1.5)])
-def test_gravity_gradient_is_the_torque_of_point_masses(G, e, nu):
-    """Two masses on a rod, and gravity μ r / |r|³ on each: the torque to first order in 1/|r|."""
-    ends, mass, orbit, n = np.array([[0.3, 0.4, 1.2], [-0.3, -0.4, -1.2]]), 2.0, 1e6, 0.02
-    inertia = mass * sum(np.eye(3) * (r @ r) - np.outer(r, r) for r in ends)
-    part = GravityGradient(rate=n, inertia=inertia.tolist(), eccentricity=e, anomaly=nu)
-    force, t = part, 17.0
-    # Kepler's equation by fixed points, each 0.6 times nearer.
-    E = begin = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(nu / 2))
-    for _ in range(100):
-        E = begin - e * np.sin(begin) + n * t + e * np.sin(E)
-    angle = 2 * np.arctan(np.sqrt((1 + e) / (1 - e)) * np.tan(E / 2)) - nu
-    Q = G.exp(np.array([[0.3, -0.2, 0.5, 0, 0, 0]])[:, : G.dimension])
-    distance = orbit * (1 - e * np.cos(E))
-    R, centre = Q[0, :3, :3], distance * np.array([np.cos(angle), np.sin(angle), 0.0])
-    expected = np.zeros(3)
-    for r in ends:
-        place = centre + R @ r
-        pull = -(n**2) * orbit**3 * mass * place / np.linalg.norm(place) ** 3
-        expected += np.cross(r, R.T @ pull)
-    found = acting(force, G, Q, np.zeros((1, G.dimension)), t)[0]
-    # The next order is 1.3/1e6 of it; forces of 800 N on arms of a metre cancel but for 1e-3.
-    np.testing.assert_allclose(found[:3], expected, rtol=1e-5, atol=1e-10)
-    assert not found[3:].any()
-
-
-def test_gravity_gradient_turns_bodies_in_space_only(noted):
-    force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
-    for name in ("R3", "SE2", "SE23", "SO3*SO2"):
-        G = group_named(name)
-        assert ("", f"gravity_gradient needs group SO3 or SE3, got {G.name}") in noted(force, G)
+def test_a_weight_needs_a_body_in_space_or_in_the_plane(noted):
     for name in ("SO3", "SE23", "SO3*SO2"):
         expected = f"restoring needs group SE2 or SE3, got {name}"
         assert noted(Restoring(1.0), group_named(name)) == [("", expected)]
     assert noted(Restoring(1.0, up=[0.0, 1.0]), SE2) == []
-    assert noted(force, SO3) == noted(force, SE3) == noted(Restoring(1.0), SE3) == []
+    assert noted(Restoring(1.0), SE3) == []
 
 
 @pytest.mark.parametrize(
@@ -319,9 +288,6 @@ def test_gravity_gradient_turns_bodies_in_space_only(noted):
         (Restoring(1.0, up=[0.0, 0.0, 0.0]), "up", "expected a direction, got a vector of zeros"),
         (Restoring(1.0, up=[0.0, 1.0]), "up", "expected 3 numbers, got 2"),
         (Restoring(1.0, centre_of_mass=[0.0] * 4), "centre_of_mass", "expected 3 numbers, got 4"),
-        (GravityGradient(0.3, 1.0, frame="spatial"), "frame", "gravity_gradient computes its own "
-         "frame; remove this key"),
-        (GravityGradient(0.3, [1.0, 2.0]), "inertia", "expected 3 diagonal entries for SE3, got 2"),
         (Drag(linear=[1.0, 2.0]), "linear", "expected 6 diagonal entries for SE3, got 2"),
         (Drag(current=[0.0, "sin(", 0.0]), "current[1]", "'sin(': expected a number, a name or '(' "
          "at column 5, but the expression ends"),
@@ -602,8 +568,6 @@ def test_a_measurement_is_held_where_it_is_slow_late_or_lost(timing, every, dela
         (Restoring(1.0, buoyancy=Uniform([2.0, 1.0])), "buoyancy.uniform"),
         (Drag(linear=[0.0] * 5 + [Uniform([2.0, 1.0])]), "linear[5].uniform"),
         (Drag(current=["sin(t)", 0.0, Uniform([2.0, 1.0])]), "current[2].uniform"),
-        (GravityGradient(Uniform([2.0, 1.0]), 1.0), "rate.uniform"),
-        (GravityGradient(1.0, [1.0, Uniform([2.0, 1.0]), 1.0]), "inertia[1].uniform"),
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )

@@ -150,7 +150,7 @@ def test_the_keys_of_an_axis_are_offered(schema):
 
 CONFIG = {
     "controllers": [{"kind": "family"}, {"kind": "eqt"}],
-    "plant": {"forces": [{"kind": "gravity_gradient"}], "inertia": {"relative": 0.1}},
+    "plant": {"forces": [{"kind": "gust"}], "inertia": {"relative": 0.1}},
     "actuators": [{"kind": "rate_limit"}, {"kind": "of_a_plugin"}],
     "initial": {"velocity": {"kind": "speed", "translation": {"speed": 1.0}}},
     "solver": {"engine": "native"},
@@ -160,7 +160,7 @@ CONFIG = {
 @pytest.mark.parametrize(
     ("key", "scale"),
     [
-        ("plant.forces[0].rate", Scale("rate of the orbit", "rad/s")),
+        ("plant.forces[0].time_constant", Scale("time constant of the gust", "s")),
         ("actuators[0].rate", Scale("limit of the torque's rate", "torque/s")),
         ("actuators[1].rate", None),
         ("actuators[2].rate", None),

@@ -186,7 +186,7 @@ KINDS = (
     centre_of_mass,
     coupled_the_other_way,
     weight_at_the_origin,
-    gradient,
+    pytest.param(gradient, marks=pytest.mark.needs("spacecraft")),
     angle,
     sampled,
     delay,

@@ -1,4 +1,4 @@
-"""What turns a spacecraft without fuel: reaction wheels, gyros, magnetorquers, and B-dot."""
+"""What turns a spacecraft without fuel: wheels, gyros, magnetorquers, B-dot; gravity gradient."""
 
 from eqt_cli.base.extensions import Extension
 
@@ -9,3 +9,4 @@ def register(extension: Extension) -> None:
     extension.add_component("actuators", "gyros", "gyros")
     extension.add_component("actuators", "magnetorquers", "magnetic")
     extension.add_component("controllers", "b_dot", "magnetic")
+    extension.add_component("forces", "gravity_gradient", "gravity")

@@ -18,9 +18,9 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.orbits import check_eccentricity, ellipse, place_on
 from eqt_cli.components.references import check_expressions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.extensions.spacecraft.orbits import check_eccentricity, ellipse, place_on
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.numbers.rounded import rounded
