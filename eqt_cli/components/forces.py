@@ -103,8 +103,8 @@ def at_origin(G: MatrixLieGroup, Q: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class PlacedForce(Force):
-    """A force that may act along a line of space.
+class PlacedForce(vehicle_parts.Timed, Force):
+    """A force that may act along a line of space, and for a stretch of time.
 
     Attributes
     ----------
@@ -124,8 +124,10 @@ class PlacedForce(Force):
     def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return the force in the body frame; along a line, with its lever."""
         if self.at == "centre":
-            return super().in_body(G, t, Q, V)
-        return G.Ad_star(Q, self.acting(G, t, Q, G.Ad(Q, V)) + 0 * V)
+            force = super().in_body(G, t, Q, V)
+        else:
+            force = G.Ad_star(Q, self.acting(G, t, Q, G.Ad(Q, V)) + 0 * V)
+        return force if self.presence is None else self.presence.at(t) * force
 
 
 forces = Registry("force", "forces", Force, ("components.forces",))
@@ -369,8 +371,8 @@ class ExpressionForce(InExpressions, PlacedForce):
     force: list[str | float]
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Return the force itself: its entries are expressions, even where they are numbers."""
-        return self
+        """Return the force: its entries are expressions, even where they are numbers."""
+        return self.drawn(random)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return f(t)."""
@@ -385,6 +387,21 @@ SINES = 12
 
 SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
 """ωT in the middle of each part of the spectrum of an Ornstein-Uhlenbeck process."""
+
+
+def sines(std: Array, time_constant: Any, random: np.random.Generator | None) -> dict[str, Array]:
+    """Return frequencies ω ``(sines,)``, a cos φ and a sin φ ``(sines, n)`` of `wave`."""
+    a, shape = np.sqrt(2 / SINES) * std, (SINES, len(std))
+    phase = np.zeros(shape) if random is None else random.uniform(0, 2 * np.pi, shape)
+    numbers = {"sine": a * np.cos(phase), "cosine": a * np.sin(phase)}
+    return {"frequency": SHARES / time_constant} | numbers
+
+
+def wave(part: Any, t: Any) -> Array:
+    """Return Σ a sin(ω t + φ) = Σ a cos φ sin ω t + a sin φ cos ω t, ``(..., n)``."""
+    angle = (part.frequency * column(t))[..., None, :]
+    total: Array = (sin(angle) @ part.sine + cos(angle) @ part.cosine)[..., 0, :]
+    return total
 
 
 @dataclass(frozen=True)
@@ -428,23 +445,14 @@ class Gust(PlacedForce):
         part, m = self.drawn(random), G.dimension
         std = np.broadcast_to(np.array(self.std, dtype=object), m)
         axes = [k for k in range(m) if vehicle_parts.is_drawn(std[k]) or std[k]]
-        a = np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), m)[axes]
-        phase = np.zeros((SINES, m)) if random is None else random.uniform(0, 2 * np.pi, (SINES, m))
-        return with_fields(
-            part,
-            std=None,
-            time_constant=None,
-            frequency=SHARES / part.time_constant,
-            sine=a * np.cos(phase[:, axes]),
-            cosine=a * np.sin(phase[:, axes]),
-            axes=axes,
-        )
+        waves = sines(np.full(m, part.std, dtype=float), part.time_constant, random)
+        waves |= {name: waves[name][:, axes] for name in ("sine", "cosine")}
+        return with_fields(part, std=None, time_constant=None, axes=axes, **waves)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """Return Σ a sin(ω t + φ) = Σ a cos φ sin ω t + a sin φ cos ω t."""
-        angle = (self.frequency * column(t))[..., None, :]
+        """Return the sum of the sines."""
         force = np.zeros_like(V)
-        force[..., self.axes] = (sin(angle) @ self.sine + cos(angle) @ self.cosine)[..., 0, :]
+        force[..., self.axes] = wave(self, t)
         return force
 
     def lever_torque(self, G: MatrixLieGroup, Q: Array) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import Channel, DynamicSensor, Errors, Sensor, channels
-from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
+from eqt_cli.components.vehicle_parts import CarriesMass, Clock, Sampling, TrueInertia
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 INERTIA = "plant.inertia"
@@ -144,8 +144,10 @@ class Vehicle:
                 configured.known[G.name, place] = part.of_run(G, None)
             return configured.known[G.name, place]
 
-        inertia = None if self.inertia is None else flying(INERTIA)
+        inertia = None if configured.inertia is None else flying(INERTIA)
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
+        for force in acting:
+            inertia = force.loaded(inertia) if isinstance(force, CarriesMass) else inertia
         true = self.model if not self.model or not inertia else inertia.at(self.model.at(0.0), 0.0)
         if estimator is not None:
             estimator = flying(ESTIMATOR, estimator.completed(G, configured.deviations(G)))

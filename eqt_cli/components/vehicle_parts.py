@@ -20,14 +20,16 @@ from typing import (
 import numpy as np
 from pydantic import Tag
 
-from eqt_cli.base.arrays import Array, inverse_spd
+from eqt_cli.base.arrays import Array, inverse_spd, stack
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Kind, Real, has_unit, one_of, option_names, seconds
+from eqt_cli.base.expressions import Expression, formula
+from eqt_cli.base.option_types import Kind, Real, Scale, has_unit, one_of, option_names, seconds
 from eqt_cli.base.registry import Component, Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.pose_notation import GREATEST, check_sizes, square, vector
-from eqt_cli.numbers.leaves import with_fields
+from eqt_cli.numbers.instants import instants_of
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of all parts of a vehicle, whose numbers may differ from run to run ---------------
 
@@ -205,6 +207,11 @@ def lowest(value: float | Distribution) -> float:
     return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
 
 
+def highest(value: float | Distribution) -> float:
+    """Return a number, the upper bound of a uniform distribution, or the mean of a normal one."""
+    return value.uniform[1] if isinstance(value, Uniform) else float(drawn(value, None))
+
+
 LEAST = 1e-15
 """Least of numbers that must be positive, in SI units; no lag or limit of a vehicle is below."""
 
@@ -338,6 +345,8 @@ class PartKind(Kind):
                 number, is_positive = getattr(part, name), name in part.positive
                 if number is not None and (is_positive or is_drawn(number)):
                     check_numbers(number, problems.at(name), is_positive)
+            if isinstance(part, Timed) and not problems:
+                part.check_times(problems)
         return part
 
 
@@ -352,6 +361,126 @@ def check_count(value: Numbers, count: int, of: str, problems: Problems, deviati
             problems.add(f"expected a standard deviation of at least 0, got {lowest(entry):g}")
     if isinstance(value, list) and len(value) != count:
         problems.add(f"expected {count} entries for {of}, got {len(value)}")
+
+
+# What acts from a time on, or until a time -------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Presence:
+    """When something acts: from `since` on, and until `until`, which runs may draw.
+
+    Engines end steps at numbers that all runs share, and find those that each run draws.
+
+    Attributes
+    ----------
+    share
+        1 while it acts, else 0, in t and the times that are drawn.
+    over
+        How long the share rises, s.
+    since, until : (1,)
+        The times of a run, s; None where all runs share them, or there is none.
+    """
+
+    share: Expression = field(metadata=STRUCTURE)
+    over: float = field(metadata=STRUCTURE)
+    since: Any = None
+    until: Any = None
+
+    def at(self, t: Any) -> Array:
+        """Return the share at time t, ``(..., 1)``."""
+        return stack([self.share.evaluate({"t": t} | self.drawn)])
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """The values of the times in the share that are drawn."""
+        ends = {"since": self.since, "until": self.until}
+        return {name: time[..., 0] for name, time in ends.items() if time is not None}
+
+    @property
+    def of_runs(self) -> Array:
+        """The times at which it changes in runs that draw them, s."""
+        times = [np.ravel(time) for time in self.drawn.values()]
+        begins = [] if self.since is None else [np.ravel(self.since) + self.over]
+        return np.concatenate([np.empty(0), *times, *begins])
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which it changes in all runs, s."""
+        return np.empty(0) if self.drawn else instants_of([self.share], until)
+
+
+def presence(since: Any, until: Any, over: float = 0.0, are_drawn: bool = False) -> Presence | None:
+    """Return when something acts; None: always. Without `over`, it begins with a jump."""
+    if since is None and until is None:
+        return None
+    ends = {"since": since, "until": until}
+    names = {name: name if are_drawn else repr(float(x or 0.0)) for name, x in ends.items()}
+    begin, end = names.values()
+    rises = f"smoothstep(t, {begin}, {begin} + {over!r})" if over else f"step(t, {begin})"
+    parts = [rises] if since is not None else []
+    parts += [f"(1 - step(t, {end}))"] if until is not None else []
+    share = formula("*".join(parts), ("t", *ends))
+    times = {name: np.array([x]) for name, x in ends.items() if are_drawn and x is not None}
+    return Presence(share, over, **times)
+
+
+def presences(parts: Iterable[Any]) -> list[Presence]:
+    """Return when those of some parts act that do not always act."""
+    return [part.presence for part in parts if getattr(part, "presence", None) is not None]
+
+
+@dataclass(frozen=True)
+class Timed(VehiclePart):
+    """A part that may act for a stretch of time.
+
+    Attributes
+    ----------
+    since
+        When it begins to act, s. Default: it acts from the start on.
+    until
+        When it ends, s. Default: never.
+    lasts
+        Instead of `until`: how long it acts from `since` on, s.
+    """
+
+    since: Annotated[Number | None, Scale("start of the force", "s")] = field(
+        default=None, kw_only=True, metadata=STRUCTURE
+    )
+    until: Annotated[Number | None, Scale("end of the force", "s")] = field(
+        default=None, kw_only=True, metadata=STRUCTURE
+    )
+    lasts: Annotated[Number | None, Scale("duration of the force", "s")] = field(
+        default=None, kw_only=True, metadata=STRUCTURE
+    )
+    presence: Any = field(default=None, init=False, repr=False)
+
+    @property
+    def rising(self) -> float:
+        """How long it takes to be there, s."""
+        return 0.0
+
+    def drawn(self, random: np.random.Generator | None) -> Self:
+        """Return the part with a number for each distribution, and when it acts."""
+        part: Any = super().drawn(random)
+        until = part.until if self.lasts is None else part.since + part.lasts
+        are_drawn = any(map(is_drawn, (self.since, self.until, self.lasts)))
+        acts = presence(part.since, until, self.rising, are_drawn)
+        return with_fields(part, presence=acts)
+
+    def check_times(self, problems: Problems) -> None:
+        """Note a beginning before the start of a run, and an end that is not after it."""
+        since, lasts = self.since, self.lasts
+        if since is not None and lowest(since) < 0:
+            problems.at("since").add(f"expected at least 0 s, got {lowest(since):g} s")
+        if lasts is not None and (since is None or self.until is not None):
+            got = "without since" if since is None else "with until"
+            problems.at("lasts").add(f"counts from since, got it {got}; write since and lasts")
+        for name, value in (("lasts", lasts), ("until", self.until)):
+            begins = 0.0 if since is None or name == "lasts" else highest(since)
+            if value is not None and lowest(value) <= begins + self.rising:
+                after = f"more than {begins + self.rising:g} s, at which it is there"
+                remedy = "; `lasts` counts from since" if is_drawn(since) else ""
+                problems.at(name).add(f"expected {after}, got {lowest(value):g} s{remedy}")
 
 
 # The true inertia of the plant, where it differs from the model of the law ------------------------
@@ -447,7 +576,7 @@ class CarriesMass(Protocol):
     """A force of something that joins the body, whose true inertia it changes."""
 
     def loaded(self, inertia: TrueInertia | None) -> TrueInertia:
-        """Return the inertia with it; None stands for that of the model."""
+        """Return the inertia of a run with it; None stands for that of the model."""
 
 
 # The clocks of a sampled loop: when law, sensors and actuators act, and when a command arrives ----

@@ -618,7 +618,7 @@ def vehicle_from(
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in enumerate(errors)]
     section = "model" if plant.forces is None else "plant"
-    inertia = _loaded(inertia, model, forces or (), problems.at(section, "forces"))
+    _check_loads(inertia, model, forces or (), problems.at(section, "forces"))
     if model is not None and not problems:
         _check_jumps(model, inertia, G, horizon, problems)
     vehicle = Vehicle(
@@ -649,21 +649,18 @@ def vehicle_from(
     return vehicle if problems else vehicle.of_run(G)
 
 
-def _loaded(
+def _check_loads(
     inertia: vehicle_parts.TrueInertia | None,
     model: InertiaLaw | None,
     forces: Sequence[Force],
     problems: Problems,
-) -> vehicle_parts.TrueInertia | None:
-    """Return the true inertia with what the forces carry; None for that of the model."""
+) -> None:
+    """Note forces that carry a mass, whose momentum is kept, beside mass that leaves."""
+    law = inertia.law if isinstance(inertia, vehicle_parts.VaryingInertia) else model
     for index, force in enumerate(forces):
-        if isinstance(force, vehicle_parts.CarriesMass):
-            law = inertia.law if isinstance(inertia, vehicle_parts.VaryingInertia) else model
-            if getattr(law, "leaves", False):
-                said = "keeps the momentum, and the mass of the inertia leaves at the velocity"
-                problems.at(index).add(f"{said} of the body; write `leaves: false`, or remove one")
-            inertia = force.loaded(inertia)
-    return inertia
+        if isinstance(force, vehicle_parts.CarriesMass) and getattr(law, "leaves", False):
+            said = "keeps the momentum, and the mass of the inertia leaves at the velocity"
+            problems.at(index).add(f"{said} of the body; write `leaves: false`, or remove one")
 
 
 def _check_jumps(

@@ -144,8 +144,12 @@ class Problem:
     @cached_property
     def spans(self) -> list[Span]:
         """The horizon, cut at the instants that are known in advance, and at control instants."""
+        return self.spans_with(np.empty(0))
+
+    def spans_with(self, times: Array) -> list[Span]:
+        """Return the spans, cut at more times, too."""
         instants, control = self.loop.instants(float(self.times[-1])), self.loop.vehicle.control
-        tick = None if control is None else control.tick
+        tick, instants = None if control is None else control.tick, distinct([*instants, *times])
         return _spans(self.times.tobytes(), instants.tobytes(), tick, self.halved)
 
     @cached_property
@@ -453,6 +457,11 @@ class Integrator(ABC):
     def leave(self, places: list[int]) -> None:  # noqa: B027  # most need not do anything
         """Leave some of the current runs, by their index here, where they have ended."""
 
+    @property
+    def spans(self) -> list[Span]:
+        """The spans of the current runs."""
+        return self.problem.spans
+
     def walk_ahead(self, place: int, states: Array) -> tuple[int, Array, Array | int, Array | int]:
         """Walk from the span at a place up to one in which something happens besides motion.
 
@@ -598,7 +607,7 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
     integrator.runs, integrator.samples = runs, solution.states[neighbours] if together else None
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
-    place, spans = 0, problem.spans
+    place, spans = 0, integrator.spans
     lost_calls(problem, 0.0)  # of earlier work of this thread
     while place < len(spans):
         states = _without_ended(problem, states, going)

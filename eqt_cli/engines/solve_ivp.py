@@ -20,6 +20,7 @@ from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.base.stored import Status
+from eqt_cli.components.vehicle_parts import presences
 from eqt_cli.engines.engine import (
     Engine,
     Failure,
@@ -374,6 +375,13 @@ class Blocks(Integrator):
         super().begin(runs)
         self._evaluations, self._longest_step = 0, 0.0
         self._field = TracedField(self.problem.select(runs))
+
+    @property
+    def spans(self) -> list[Span]:
+        """The spans, cut where what acts for a stretch of time changes in any of these runs."""
+        vehicle = self.problem.select(self.runs).batched_loop().vehicle
+        acting = presences([*vehicle.forces, *vehicle.actuators])
+        return self.problem.spans_with(np.concatenate([np.empty(0), *(x.of_runs for x in acting)]))
 
     def hold(self, span: Span) -> None:
         """Set the held numbers of the field."""

@@ -45,6 +45,7 @@ from eqt_cli.components.vehicle import (
     command_length,
     moving_sensors,
 )
+from eqt_cli.components.vehicle_parts import presences
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
@@ -261,6 +262,7 @@ class ClosedLoop:
         parts: list[Any] = [self.inertia, *self.over_time.values(), *self.known_forces]
         parts += [*self.vehicle.forces, *self.vehicle.actuators]
         parts += [self.vehicle.inertia] if self.vehicle.inertia else []
+        parts += presences(parts)
         return distinct(np.concatenate([part.instants(self.group, until) for part in parts]))
 
     @property

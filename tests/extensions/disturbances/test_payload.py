@@ -5,6 +5,7 @@ import pytest
 import yaml
 from case_tables import refusal
 from said import mentions
+from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
 
@@ -58,6 +59,63 @@ def test_the_momentum_is_kept_as_it_joins(solved, engine, gravity):
         np.testing.assert_allclose(angular, angular[[0] * len(t)], rtol=0, atol=1e-9)
 
 
+RELEASED = {
+    "mass": {"uniform": [0.2, 0.4]},
+    "at": [0.1, {"uniform": [-0.1, 0.1]}, -0.2],
+    "since": {"uniform": [0.2, 0.4]},
+    "lasts": 0.2,
+}
+
+
+@pytest.mark.ci("runs of both engines")
+@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+def test_a_payload_with_drawn_numbers_joins_and_leaves_with_its_momentum(solved, engine):
+    """The body turns by Euler's equation with the momenta of both, and alone from its velocity."""
+    solver = {"engine": engine, "rtol": 1e-12, "atol": 1e-13}
+    plant = {"forces": [PAYLOAD | RELEASED | {"gravity": 1e-14}]}
+    text = FREE | {"solver": solver, "plant": plant, "ensemble": {"runs": 3, "seed": 5}}
+    problem, solution = solved(yaml.safe_dump(text))
+    t, numbers = problem.times, problem.leaves_of_runs()
+    for run in range(3):
+        since, until, mass = (
+            numbers[f"vehicle.forces[0].{name}"][run].item()
+            for name in ("presence.since", "presence.until", "weight.weight")
+        )
+        point = numbers["vehicle.forces[0].weight.centre_of_mass"][run]
+        V, times = by_hand(t, since, until, mass / 1e-14, point)
+        s = problem.loop.tracking(t, solution.states)
+        np.testing.assert_allclose(s.V[run][times], V, rtol=0, atol=1e-10)
+
+
+def by_hand(t, since, until, mass, point):
+    """V before, with, and after the mass; rows of the samples outside of the time of joining."""
+    V, begin, found, rows = np.array([1.0, 2.0, -0.5, 2.0, -1.0, 3.0]), 0.0, [], []
+    lever = np.array([[0, -point[2], point[1]], [point[2], 0, -point[0]], [-point[1], point[0], 0]])
+    moved = np.hstack([-lever, np.eye(3)])
+    body = np.block([[J, np.zeros((3, 3))], [np.zeros((3, 3)), M * np.eye(3)]])
+    load = mass * moved.T @ moved
+
+    def rate(time, V):
+        x = np.clip((time - since) / OVER, 0, 1)
+        share = x * x * (3 - 2 * x) * (time < until)
+        slope = 6 * x * (1 - x) / OVER
+        inertia = body + share * load
+        P, omega, v = inertia @ V, V[:3], V[3:]
+        turned = [*(np.cross(P[:3], omega) + np.cross(P[3:], v)), *np.cross(P[3:], omega)]
+        return np.linalg.solve(inertia, turned - slope * load @ V)
+
+    for end in (since, since + OVER, until, t[-1] + 1e-9):
+        here = (t >= begin) & (t < end)
+        path = solve_ivp(
+            lambda time, V, end=end: rate(min(time, end - 1e-12), V),
+            (begin, end), V, method="DOP853", t_eval=[*t[here], end], rtol=1e-13, atol=1e-14,
+        )  # fmt: skip
+        found.append(path.y[:, :-1].T)
+        rows.append(here)
+        V, begin = path.y[:, -1], end
+    return np.concatenate(found), np.any(rows, axis=0)
+
+
 def test_it_is_there_from_the_start_where_no_time_is_given(experiment):
     """𝕀 of both about the origin, by hand, on top of an inertia that a run draws."""
     forces = "[{kind: payload, mass: 0.3, at: [0.1, -0.05]}]"
@@ -104,7 +162,12 @@ def test_a_model_jumps_only_where_runs_keep_what_the_body_keeps(experiment):
     ("options", "said"),
     [
         ("mass: -1", "mass: expected a number greater than 0, got -1"),
-        ("mass: {uniform: [0, 1]}", "mass: expected a number"),
+        ("mass: {uniform: [0, 1]}", "mass.uniform: expected numbers greater than 0, got 0"),
+        ("mass: 1, since: {uniform: [-1, 2]}", "since: expected at least 0 s, got -1 s"),
+        ("mass: 1, since: 2, until: 2.005", "until: expected more than 2.01 s…got 2.005 s"),
+        ("mass: 1, since: {uniform: [1, 3]}, until: 2", "until: expected more than 3.01 s…`lasts`"),
+        ("mass: 1, lasts: 2", "lasts: counts from since…"),
+        ("mass: 1, since: 1, until: 2, lasts: 2", "lasts: counts from since…with until…"),
         ("mass: 1, at: [0, 0]", "at: expected 3 numbers, got 2"),
         ("mass: 1, since: -2", "since: expected at least 0 s, got -2 s"),
     ],
