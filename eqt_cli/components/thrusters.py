@@ -39,16 +39,19 @@ from eqt_cli.components.actuators import (
     check_members,
     of_each,
 )
+from eqt_cli.components.forces import sines, wave
 from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.vehicle_parts import (
     Number,
     Numbers,
     check_limits,
+    check_numbers,
     check_period,
     drawn,
     is_drawn,
     lowest,
+    presence,
 )
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
@@ -57,7 +60,7 @@ from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
 
-CHANGING = ("fails", "sag", "efficiency", "efficiency_from")
+CHANGING = ("fails", "sag", "efficiency", "efficiency_from", "noise")
 """Options that change thrusters over time."""
 
 LAGS = "time_constant", "time_constant_down"
@@ -139,8 +142,35 @@ class Failure(Keys):
     """
 
     rotor: int | str
-    at: Annotated[Real, Scale("time of the failure", "s")]
+    at: Annotated[Number, Scale("time of the failure", "s")]
     to: Annotated[Real, Scale("thrust left to the rotor", "1")] = 0.0
+
+
+@dataclass(frozen=True)
+class Noise(Keys):
+    """Noise of motors: of the speed of a rotor, or the thrust of another thruster.
+
+    That of each thruster is a sum of sines with the spectrum 2σ²T/(1 + ω²T²), as of a `gust`.
+
+    Attributes
+    ----------
+    std
+        σ, rad/s of rotors, else N.
+    time_constant
+        T, s, after which the correlation is 1/e.
+    """
+
+    std: Annotated[Number, Unit("rad/s")]
+    time_constant: Annotated[Number, Scale("time constant of the noise", "s")]
+
+
+@dataclass(frozen=True)
+class Waves(Keys):
+    """The noise of a run: frequencies ω ``(sines,)``, a cos φ and a sin φ ``(sines, k)``."""
+
+    frequency: Any
+    sine: Any
+    cosine: Any
 
 
 @dataclass(frozen=True)
@@ -216,8 +246,7 @@ class Thrusters(Solving, Running):
     Torque and command are in the body frame and in the order of the coordinates of the group, on
     SE2 and SE3 the torque before the force. Without limits and lag, and with B of rank m, the
     torque is the command. With a `thrust_constant`, the thrusters are rotors: the thrust is that
-    constant times the square of a speed, which has the limits and the lag, and which is at the
-    start of a run what the first command asks for.
+    constant times the square of a speed, which has the limits and the lag.
 
     Attributes
     ----------
@@ -242,6 +271,12 @@ class Thrusters(Solving, Running):
     rotor_inertia
         J_r of lagging rotors about `along`, kg m²; SE3 only. Their momentum h = Σ ∓J_r η a,
         opposite to the torque of `turns`, exerts the torque h × ω − ḣ on the body.
+    start
+        Speeds of lagging rotors at the start of a run, rad/s, 0 at rest; of other thrusters that
+        lag, the thrusts, N. Default: of rotors what the first command asks for, else 0.
+    noise
+        `{std: 20, time_constant: 20 ms}`: what motors add to the speed of each rotor, rad/s, or to
+        the thrust of each other thruster, N; behind the lag.
     fails
         `{rotor: 2, at: 3 s, to: 0}`: from then on, a thruster gives this share of its commanded
         thrust, after its lag if it has one.
@@ -298,10 +333,12 @@ class Thrusters(Solving, Running):
     low_speed: Annotated[Numbers | None, Unit("rad/s")] = None
     high_speed: Annotated[Numbers | None, Unit("rad/s")] = None
     rotor_inertia: Annotated[Numbers | None, Scale("inertia of the rotors", "kg m^2")] = None
+    start: Annotated[Numbers | None, Unit("rad/s")] = None
+    noise: Noise | None = None
     fails: Failure | None = field(default=None, metadata=STRUCTURE)
     sag: str | float | None = field(default=None, metadata=STRUCTURE)
     efficiency: Annotated[Numbers | None, Scale("thrust left to each rotor", "1")] = None
-    efficiency_from: Annotated[Real | None, Scale("start of the efficiency", "s")] = field(
+    efficiency_from: Annotated[Number | None, Scale("start of the efficiency", "s")] = field(
         default=None, metadata=STRUCTURE
     )
     told: bool = False
@@ -315,6 +352,11 @@ class Thrusters(Solving, Running):
     over_time: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     lost: Any = field(default=None, init=False, repr=False)
     turned: Any = field(default=None, init=False, repr=False)
+    presence: Any = field(default=None, init=False, repr=False)
+    """When a failure, or the efficiency, begins."""
+    waves: Any = field(default=None, init=False, repr=False)
+    added: Any = field(default=None, init=False, repr=False)
+    """The noise of each thruster at a time."""
     share: Any = field(default=None, init=False, repr=False)
     groups: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     faces: Any = field(default=(), init=False, repr=False)
@@ -364,8 +406,8 @@ class Thrusters(Solving, Running):
 
     @property
     def runs(self) -> bool:
-        """Whether thrusters are rotors that lag."""
-        return self.moves and self.thrust_constant is not None
+        """Whether thrusters lag, and are rotors or have a start."""
+        return self.moves and (self.thrust_constant is not None or self.start is not None)
 
     @property
     def sampled(self) -> bool:
@@ -378,9 +420,15 @@ class Thrusters(Solving, Running):
         return self.count * (self.allocation == "bounded" and not self.direct)
 
     @property
+    def varies(self) -> bool:
+        """Whether numbers differ from run to run: the phases of noise always do."""
+        return self.noise is not None or super().varies
+
+    @property
     def by_processor(self) -> bool:
-        """Whether LAPACK takes part in the allocation."""
+        """Whether LAPACK takes part in the allocation, or NumPy draws sines."""
         chosen = self.model.passed is not None or self.allocation != "pseudo_inverse"
+        chosen = chosen or self.waves is not None
         return chosen or not is_exact(np.asarray(self.matrix))
 
     @property
@@ -457,10 +505,15 @@ class Thrusters(Solving, Running):
         largest speed at a larger command.
         """
         drawn = self.drawn(random)
-        part = drawn.with_allocation(G)
+        acts = presence(drawn.begins, None, are_drawn=is_drawn(self.begins))
+        part = with_fields(drawn.with_allocation(G), presence=acts)
+        if drawn.noise is not None:
+            size = np.full(self.count, 0.0 if random is None else drawn.noise.std)
+            waves = Waves(**sines(size, drawn.noise.time_constant, random))
+            part = with_fields(part, waves=waves)
         if is_drawn(self.thrusters):  # B has the drawn places; what else is read of them is common
             part = with_fields(part, thrusters=self.drawn(None).thrusters)
-        if self.told or not self.varies:
+        if self.told or not super().varies:
             return part
         model = with_fields(self.drawn(None), weights=drawn.weights).with_allocation(G)
         ends = {name: x for name in ("low", "high") if (x := getattr(part, name)) is not None}
@@ -472,7 +525,7 @@ class Thrusters(Solving, Running):
     def with_allocation(self, G: MatrixLieGroup) -> Self:
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
         B = self.columns(G)
-        names = "low", "high", *LAGS, "thrust_constant", "isp", *SPEEDS
+        names = "low", "high", *LAGS, "thrust_constant", "isp", "start", *SPEEDS
         values = of_each(self, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
             if speed in values:
@@ -522,32 +575,36 @@ class Thrusters(Solving, Running):
 
     @property
     def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
-        """Whether a thruster fails or weakens at a time, or the battery sags."""
-        return bool(self.over_time) or any(
-            x is not None for x in (self.fails, self.sag, self.efficiency_from)
-        )
+        """Whether a thruster fails or weakens at a time, the battery sags, or motors are noisy."""
+        options = self.fails, self.sag, self.efficiency_from, self.noise, self.waves
+        return bool(self.over_time) or any(x is not None for x in options)
 
     @property
     def nominal(self) -> Self:
-        """The thrusters that give what is commanded: none fails, and no battery sags."""
-        return with_fields(self, **dict.fromkeys(CHANGING), over_time=())
+        """The thrusters that give what is commanded: none fails or is noisy, no battery sags."""
+        return with_fields(self, **dict.fromkeys((*CHANGING, "presence", "waves")), over_time=())
+
+    @property
+    def begins(self) -> Any:
+        """When a failure, or the efficiency, begins, s; None if at no time."""
+        return self.efficiency_from if self.fails is None else self.fails.at
 
     def _changing(self, rows: Array, scale: Array, inverse: Array) -> dict[str, Any]:
         """Return the share of all and the failure over time, and what it takes from each."""
-        fails = self.fails or Failure(1, self.efficiency_from or 0.0, 1.0)
+        fails = self.fails or Failure(1, 0.0, 1.0)
         lost = np.zeros(self.count)
         lost[self._number(fails.rotor)] = fails.to - 1.0
         if self.efficiency is not None:
             lost += np.array(self.efficiency) - 1.0
-        if not self.changes:
+        if self.sag is None and self.begins is None:
             if self.efficiency is None:
                 return {}
             left = 1.0 + lost
             told = {"inverse": self._allocated(rows * left, scale)[0]} if self.told else {}
             return {"share": left, **told}
-        steps = formula(1.0 if self.sag is None else self.sag), formula(f"step(t, {fails.at!r})")
         after = self._allocated(rows * (1.0 + lost), scale)[0] if self.told else inverse
-        return {"over_time": steps, "lost": lost, "turned": after - inverse}
+        of_sag = (formula(1.0 if self.sag is None else self.sag),)
+        return {"over_time": of_sag, "lost": lost, "turned": after - inverse}
 
     def _number(self, rotor: int | str) -> int:
         """Return the index of a thruster; −1 if there is none."""
@@ -555,23 +612,25 @@ class Thrusters(Solving, Running):
         return names.index(rotor) % self.count if rotor in names else -1
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return the time of the failure, and those at which the expression changes its piece."""
+        """Return the times at which the expression of the sag changes its piece."""
         return instants_of(self.over_time, until)
 
     @property
     def expressions(self) -> Any:
-        """The share of all thrusts, and the failure, over time."""
+        """The share of all thrusts over time."""
         return self.over_time
 
     def at(self, s: Any, stored: Any = None) -> Self:
         """Return the thrusters with the shares, and the allocation, at a time."""
+        noisy = {} if self.waves is None else {"added": wave(self.waves, s.t)}
         if not self.over_time:
-            return self
-        sag, failed = (stack([expression.evaluate({"t": s.t})]) for expression in self.over_time)
+            return with_fields(self, **noisy) if noisy else self
+        sag = stack([self.over_time[0].evaluate({"t": s.t})])
+        failed = 1.0 + 0.0 * sag if self.presence is None else self.presence.at(s.t)
         share, inverse = sag * (1.0 + failed * self.lost), self.inverse
         if self.told:
             inverse = (inverse + failed[..., None] * self.turned) / sag[..., None]
-        return with_fields(self, share=share, inverse=inverse)
+        return with_fields(self, share=share, inverse=inverse, **noisy)
 
     def _left(self, thrusts: Array) -> Array:
         """Return the thrusts after failure and sag."""
@@ -624,8 +683,12 @@ class Thrusters(Solving, Running):
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
-            return self._left(self.received(self._opened(command, x)))
+            thrusts = self._left(self.received(self._opened(command, x)))
+            if self.added is None or self.thrust_constant is None:
+                return thrusts if self.added is None else thrusts + self.added
+            x = self.followed(thrusts)
         x = x[..., -self.count :]
+        x = x if self.added is None else x + self.added
         return x if self.thrust_constant is None else self.pushed(x)
 
     def pushed(self, speed: Any) -> Array:
@@ -635,10 +698,11 @@ class Thrusters(Solving, Running):
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
-        if not self.sampled:
-            return self.model.followed(self._left(self._commanded(command, command)))
-        thrusts = self._limited(self.solution(G, command))
-        return np.concatenate([thrusts, self.model.followed(self._left(thrusts))], axis=-1)
+        solved = self._limited(self.solution(G, command)) if self.sampled else None
+        thrusts = self._commanded(command, command) if solved is None else solved
+        lagging = self.model.followed(self._left(thrusts))
+        lagging = lagging if self.start is None else self.start + 0.0 * lagging
+        return lagging if solved is None else np.concatenate([solved, lagging], axis=-1)
 
     def followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""
@@ -747,18 +811,21 @@ class Thrusters(Solving, Running):
             self._check_places(G, problems.at("thrusters"))
         if problems:
             return
-        if self.time_constant_down is not None and not self.moves:
-            problems.at("time_constant_down").add("needs time_constant, the one of rising thrusts")
+        for name in ("time_constant_down", "start"):
+            if getattr(self, name) is not None and not self.moves:
+                problems.at(name).add("needs time_constant, the one of rising thrusts")
         self._check_rotors(problems)
         self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
         ends = ("low", "high", *SPEEDS)
-        names, free = (*ends, "efficiency", *self.positive), (*ends, "efficiency")
+        free = (*ends, "efficiency", "start")
+        names = (*free, *self.positive)
         check_members(self, self.count, "thruster", names, " ".join(free), problems)
         if not problems:
             fast = any(getattr(self, name) is not None for name in SPEEDS)
             low, high = names = SPEEDS if fast else ("low", "high")
             check_limits(getattr(self, low), getattr(self, high), problems, names)
+        self._check_start(problems)
         if self.sampled and not self.limits and not problems:
             problems.add(f"{self.acting_at_instants} needs limits; give low and high")
 
@@ -812,8 +879,28 @@ class Thrusters(Solving, Running):
                 "needs allocation: pseudo_inverse; no other adapts to a failure"
             )
 
+    def _check_start(self, problems: Problems) -> None:
+        """Note a start beyond the limits, and a noise that is none."""
+        if self.noise is not None:
+            here, std = problems.at("noise"), self.noise.std
+            check_numbers(self.noise.time_constant, here.at("time_constant"), positive=True)
+            if lowest(std) < 0:
+                here.at("std").add(f"expected at least 0, got {lowest(std):g}")
+        ends = SPEEDS if self.thrust_constant is not None else ("low", "high")
+        low, high = (drawn(getattr(self, name), None) for name in ends)
+        if self.start is not None and low is not None and not problems:
+            starts = np.ravel(drawn(self.start, None))
+            for start in starts[(starts < low) | (starts > high)][:1]:
+                limits = f"{np.min(low):g} to {np.max(high):g}"
+                problems.at("start").add(
+                    f"expected a number within the limits, {limits}, got {start:g}"
+                )
+
     def _check_efficiency(self, problems: Problems) -> None:
         """Note an efficiency below 0, beside a failure, or whose start has none."""
+        if self.begins is not None and lowest(self.begins) < 0:
+            here = problems.at(*("fails", "at") if self.fails else ("efficiency_from",))
+            here.add(f"expected at least 0 s, got {lowest(self.begins):g} s")
         values, here = self.efficiency, problems.at("efficiency")
         if values is None:
             if self.efficiency_from is not None:

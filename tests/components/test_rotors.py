@@ -341,7 +341,8 @@ def test_an_allocation_that_is_told_gives_the_command_without_the_rotor_that_fai
 
 def test_times_of_failures_and_of_sags_are_instants():
     rotors = six(fails=Failure(1, 1.5), sag="1 - 0.1*step(t, 0.7)")
-    assert rotors.instants(SE3, 2.0).tolist() == [0.7, 1.5]
+    times = [*rotors.instants(SE3, 2.0), *rotors.presence.instants(SE3, 2.0)]
+    assert times == [0.7, 1.5]
     assert six().at(SimpleNamespace(t=1.0)).share is None
 
 

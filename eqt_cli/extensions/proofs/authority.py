@@ -19,6 +19,7 @@ from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.groups import command_axes
 from eqt_cli.components.laws import OuterLoop
 from eqt_cli.components.vehicle import ACTUATORS, without_inner
+from eqt_cli.components.vehicle_parts import drawn
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
 
@@ -58,8 +59,10 @@ class Members:
         Their names.
     held : (k,)
         w in these directions.
-    fails
-        Its failure as it is written, or None.
+    begins
+        When a failure begins, or an efficiency, s: in the mean of the runs; None if at no time.
+    key
+        Its key.
     """
 
     part: Any
@@ -67,7 +70,8 @@ class Members:
     wanted: Array
     names: tuple[str, ...]
     held: Array
-    fails: Any
+    begins: float | None
+    key: str
 
     @property
     def columns(self) -> Array:
@@ -80,11 +84,23 @@ class Members:
         forces = [w for name, w in zip(self.names, self.held, strict=True) if "force" in name]
         return "hover" if np.any(forces) else "rest"
 
-    def limits(self, failed: bool) -> Array:
-        """Return the least and the largest thrusts, ``(2, n)``, before or after the failure."""
+    @property
+    def commanded(self) -> Array:
+        """The least and the largest thrusts that may be commanded, ``(2, n)``."""
         part = self.part
         ends = (part.low, part.high) if hasattr(part, "low") else (-part.limit, part.limit)
-        return (1.0 + part.lost if failed else 1.0) * np.array(ends, dtype=float)
+        return np.array(ends, dtype=float)
+
+    def limits(self, failed: bool) -> Array:
+        """Return the least and the largest thrusts, ``(2, n)``, before or after the failure."""
+        share = getattr(self.part, "share", None)
+        left = 1.0 + self.part.lost if failed else 1.0 if share is None else share
+        limits: Array = left * self.commanded
+        return limits
+
+    def changes_until(self, end: float) -> bool:
+        """Whether a failure or an efficiency begins before the end of the runs."""
+        return self.begins is not None and self.begins <= end
 
     def left(self, failed: bool = False) -> Array | None:
         """Return what is left against and along each direction, ``(k, 2)``; None if B f ≠ w."""
@@ -136,7 +152,7 @@ class Members:
         commanded = self.part.sampled or self.part.takes == THRUSTS
         if commanded or self.part.name == "wheels" or not turns:
             return False
-        inverse, (low, high) = self.part.inverse, self.limits(failed=False)
+        inverse, (low, high) = self.part.inverse, self.commanded
         whole = (np.abs(self.columns) * (high - low)).sum(axis=1)
         steps = np.diag(TRIED * whole)[turns]
         commands = (self.held + np.concatenate([steps, -steps])) @ np.linalg.pinv(self.wanted).T
@@ -165,8 +181,9 @@ def members_of(experiment: Experiment) -> Iterator[Members]:
         if pushes and G.translation is not None:  # the body turns until its push holds the force
             held[-1] = norm(w[G.translation.axes])
         names = tuple(_name(G, row) for row in directions[spans])
-        fails = getattr(written[index], "fails", None) if written else None
-        yield Members(part, index, directions[spans], names, held[spans], fails)
+        begins = drawn(getattr(written[index], "begins", None), None) if written else None
+        key = "fails" if written and getattr(written[index], "fails", None) else "efficiency_from"
+        yield Members(part, index, directions[spans], names, held[spans], begins, key)
 
 
 def _held(experiment: Experiment) -> Array:
@@ -196,8 +213,8 @@ def authority_table(experiment: Experiment) -> Text | None:
     header, rows = list[str](), list[list[str]]()
     for member in members_of(experiment):
         times = {False: f"at {member.state}"}
-        if member.fails is not None and member.fails.at <= experiment.config.time.duration:
-            times[True] = f"from {member.fails.at:g} s"
+        if member.changes_until(experiment.config.time.duration):
+            times[True] = f"from {member.begins:g} s"
         left_at = {when: member.left(when) for when in times}
         if left_at[False] is None or (header and header[1:] != _columns(member, left_at)):
             continue
@@ -259,7 +276,7 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
             continue
         if words := ", ".join(beside(member, command_axes(experiment.group))):
             yield key, f"{member.part.name} give more than the law asks for: {words}"
-        failing = member.fails is not None and member.fails.at <= experiment.config.time.duration
+        failing = member.changes_until(experiment.config.time.duration)
         before = member.left() if failing or shown is not None else None
         if before is None:
             continue
@@ -276,11 +293,11 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
         if not failing:
             continue
         after = member.left(failed=True)
-        when = f"from {member.fails.at:g} s on, the body cannot be held at {member.state}"
+        when = f"from {member.begins:g} s on, the body cannot be held at {member.state}"
         if after is None:
-            yield (*key, "fails"), f"{when} by the thrusts that are left"
+            yield (*key, member.key), f"{when} by the thrusts that are left"
         elif lost := member.lacking(after, np.asarray(before != 0)):
             yield (
-                (*key, "fails"),
+                (*key, member.key),
                 f"{when}: no {lost} is left; a run settles only while nothing pushes",
             )

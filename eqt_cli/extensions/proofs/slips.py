@@ -15,6 +15,7 @@ from eqt_cli.base.errors import KeyPath
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle_parts import lowest
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.proofs.authority import members_of
@@ -52,16 +53,14 @@ def _behind_the_end(experiment: Experiment) -> Placed:
     config, end = experiment.config, experiment.config.time.duration
     for index, part in enumerate(config.actuators or ()):
         key: KeyPath = (ACTUATORS, index)
-        if (fails := getattr(part, "fails", None)) is not None and fails.at >= end:
-            yield (
-                (*key, "fails", "at"),
-                f"is {fails.at:g} s, and runs end at {end:g} s: the thruster never fails",
-            )
-        if (start := getattr(part, "efficiency_from", None)) is not None and start >= end:
-            yield (
-                (*key, "efficiency_from"),
-                f"is {start:g} s, and runs end at {end:g} s: no thruster ever loses thrust",
-            )
+        begins: dict[KeyPath, Any] = {("efficiency_from",): getattr(part, "efficiency_from", None)}
+        if (fails := getattr(part, "fails", None)) is not None:
+            begins = {("fails", "at"): fails.at}
+        for name, start in begins.items():
+            if start is not None and lowest(start) >= end:
+                never = "the thruster never fails" if fails else "no thruster ever loses thrust"
+                said = f"is {lowest(start):g} s, and runs end at {end:g} s: {never}"
+                yield (*key, *name), said
         lag = getattr(part, "time_constant", None)
         if isinstance(lag, int | float) and lag > end:
             yield (
@@ -69,10 +68,10 @@ def _behind_the_end(experiment: Experiment) -> Placed:
                 f"is {lag:g} s, longer than the runs, {end:g} s; {_in_ms(lag)}",
             )
     for index, force in enumerate((config.plant and config.plant.forces) or ()):
-        if (since := getattr(force, "since", None)) is not None and since >= end:
+        if (since := getattr(force, "since", None)) is not None and lowest(since) >= end:
             yield (
                 ("plant", "forces", index, "since"),
-                f"is {since:g} s, and runs end at {end:g} s: the payload never joins",
+                f"is {lowest(since):g} s, and runs end at {end:g} s: {force.name} never acts",
             )
     for law in experiment.laws.values():
         ahead: Any = getattr(law.law, "preview", ())

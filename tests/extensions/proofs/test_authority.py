@@ -164,3 +164,17 @@ def test_what_canted_rotors_push_besides_is_said() -> None:
     for name, force in zip(quad.names, moved.tolist(), strict=True):
         part = f"{force:.3g} N of force y with 1 of {name}".replace("-", "−")
         assert (part in words) == (abs(force) > 1e-3)
+
+
+def test_an_efficiency_from_the_start_or_from_a_time_takes_from_what_is_left() -> None:
+    """Of all rotors 0.8: 4 · 0.8 high − W upwards; at drawn times in the mean."""
+    arms, turns = [45, 135, 225, 315], [1, -1, 1, -1]
+    quad = members(rotors(arms, turns, efficiency=0.8))
+    np.testing.assert_allclose(quad.left()[3], [-W, 4 * 0.8 * HIGH - W], rtol=1e-6)
+    late = {"efficiency": 0.8, "efficiency_from": {"uniform": [1.0, 2.0]}}
+    quad = members(rotors(arms, turns, **late))
+    assert quad.begins == 1.5
+    np.testing.assert_allclose(quad.left()[3], [-W, 4 * HIGH - W], rtol=1e-6)
+    np.testing.assert_allclose(quad.left(failed=True)[3], [-W, 4 * 0.8 * HIGH - W], rtol=1e-6)
+    weak = said(rotors(arms, turns, **late | {"efficiency": 0.1}))
+    assert any("actuators[0].efficiency_from: from 1.5 s on, the body cannot" in x for x in weak)
