@@ -42,6 +42,22 @@ def test_positions_in_planes_are_those_of_the_result(view, shown, se3, opened, p
         assert axes.get_aspect() == 1.0
 
 
+def test_colours_are_those_of_the_distance_from_the_reference(se3, opened):
+    results = opened(se3)
+    drawing = PathFigure(view="xy", colour="error").draw([results], "column")
+    *panels, bar = drawing.axes
+    assert len(panels) == len(results.labels)
+    assert bar.get_ylabel().startswith("distance from the reference")
+    shades = bar._colorbar.mappable
+    for k, axes in enumerate(panels):
+        apart = results["pose"][k, 0][:, :3, 3] - results["desired_pose"][:, :3, 3]
+        error = np.sqrt((apart**2).sum(axis=-1))
+        (pieces,) = [each for each in axes.collections if len(each.get_segments()) > 9]
+        expected = shades.cmap(shades.norm((error[:-1] + error[1:]) / 2))
+        np.testing.assert_allclose(pieces.get_colors(), expected, rtol=0, atol=1e-12)
+    assert shades.norm.vmax >= error.max()
+
+
 def test_scales_are_equal_in_all_panels(se3, opened):
     for width in ("column", "slide"):
         drawing = PathFigure(view="planes", runs=3).draw([opened(se3)], width)

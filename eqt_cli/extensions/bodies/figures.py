@@ -19,6 +19,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part, moving_parts
+from eqt_cli.extensions.bodies.coloured import add_bar, draw_by_error, shades_of
 from eqt_cli.extensions.bodies.shapes import camera, course, outline, upright
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
@@ -106,6 +107,9 @@ class PathFigure(OverTime):
         Most runs of each law. Default: one of several laws, ten of a single law.
     bodies
         Number of bodies along the first path of each law, at equal time intervals.
+    colour
+        ``error`` colours a path by its distance from the reference at the same time, on the sphere
+        by the angle between the two axes, with a bar; each law then has a panel. Default: by law.
     """
 
     name: ClassVar[str] = "path"
@@ -115,6 +119,7 @@ class PathFigure(OverTime):
     error: bool = False
     runs: Count | None = None
     bodies: CountOrNone = 0
+    colour: Literal["law", "error"] = "law"
 
     def check(self, problems: Problems) -> None:
         """Refuse bodies on the sphere, and errors in space."""
@@ -147,8 +152,10 @@ class PathFigure(OverTime):
         view = view or _plane(ends)
         views = ("xy", "xz") if view == "planes" else (view,)
         eyes = {name: _eye(name, places) for name in views}
+        shades = shades_of([errors_of(path, view) for path in paths])
         many = max(len(path.places) for path in paths) > 1
-        apart = len(paths) > 1 and (many or view == "sphere")
+        by_error = self.colour == "error"
+        apart = len(paths) > 1 and (many or view == "sphere" or by_error)
         signs = np.diag(upright(runs.results[0]))
         if len({one.described.down for one in runs.results}) > 1:
             raise runs.error("draws a last axis up or down; show these results by themselves")
@@ -158,11 +165,15 @@ class PathFigure(OverTime):
             for name, eye in eyes.items():
                 axes = panels[f"{name} {number if apart else 0}"]
                 self._draw_path(axes, eye, path, name, ends, many=many, behind=behind)
+                if by_error:
+                    draw_by_error(axes, eye, path.places, errors_of(path, view), shades, name)
             if apart:
                 top = panels[f"{views[0]} {number}"]
                 layout.add_title(top, path.law.title)
-        handles = {} if apart else _laws(runs, linewidth=_LINE)
-        if apart:
+        handles = {} if apart or by_error else _laws(runs, linewidth=_LINE)
+        if by_error:
+            add_bar(drawing, [*panels.values()], shades, "" if view == "sphere" else unit)
+        elif apart:
             name = "single runs" if many else "run"
             handles[name] = Line2D([], [], color=ink(0.6), linewidth=2 * THIN if many else _LINE)
         rests = all(_rests(path, ends) for path in paths)
@@ -235,9 +246,12 @@ class PathFigure(OverTime):
             is_grey = np.ptp(to_rgb(of.law.look.colour)) < _GREY
             look |= {"linestyle": "-"} | ({"color": ink()} if is_grey else {})
         look = thin_line(of.law.look, len(of.places)) if many else look
+        if self.colour == "error":  # the line itself has the numbers, and no ink
+            look["linestyle"] = "none"
         _draw(axes, eye, of.places, of.law.label, look, view)
         seen = of.places @ eye.T
-        for (label, dot), at in zip(_ends(of.law.look.colour), (0, -1), strict=True):
+        colour = ink(0.7) if self.colour == "error" else of.law.look.colour
+        for (label, dot), at in zip(_ends(colour), (0, -1), strict=True):
             axes.plot(seen[:, at, 0], seen[:, at, 1], label=label, **dot)
         self._draw_bodies(axes, eye, of, _BODY * float(np.max(ends[1] - ends[0])))
 
@@ -252,6 +266,12 @@ class PathFigure(OverTime):
                 faces = sorted((face @ eye.T for face in faces), key=lambda face: face[:, 2].mean())
                 shapes = [face[:, :2] for face in faces]
                 axes.add_collection(PolyCollection(shapes, label=layout.NO_NUMBERS, **look))
+
+
+def errors_of(of: Flown, view: str) -> Array:
+    """Return the distance of paths from the reference, or on the sphere the angle, deg."""
+    distance: Array = np.linalg.norm(of.places - of.desired, axis=-1)
+    return np.rad2deg(2 * np.arcsin(np.minimum(distance / 2, 1))) if view == "sphere" else distance
 
 
 def _laws(runs: ShownRuns, **look: Any) -> dict[str, Artist]:
