@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, distinct, maximum
+from eqt_cli.base.arrays import Array, absolute, distinct, less, maximum
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.option_types import Written, number_of, shown
 from eqt_cli.base.stored import Status
@@ -69,6 +69,10 @@ class Bounds:
         """The largest share of its bound that an error has at a sample of a run."""
         words = f"failed when {dict(self.most)}"
         return Measure(words, words, signals=tuple(self.most), of=self._largest)
+
+    def crossed(self, value_of: Callable[[str], Any]) -> Any:
+        """Return whether an error is beyond its bound, by the values of signals at an instant."""
+        return less(1.0, reduce(maximum, self._shares([value_of(name) for name in self.most])))
 
     def _largest(self, over: SampledRuns, *values: Any) -> Any:
         return over.largest(reduce(maximum, self._shares(values)))

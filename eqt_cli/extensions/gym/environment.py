@@ -15,6 +15,7 @@ from eqt_cli.api.loading import Configuration, document_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.version import __version__
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.study import Study, study
@@ -49,8 +50,14 @@ KIND, USUAL = "network", "policy.onnx"
 
 MODES = {"same_step": AutoresetMode.SAME_STEP, "disabled": AutoresetMode.DISABLED}
 
+OPTIONS = "a mapping with reset_mask or runs"
+
 FLOATS = float, "float32", "float64", np.float32, np.float64
 """Types of observations: an integer would cut their fractions."""
+
+KEYS = "values by key, as {'control.period': 0.02}"
+
+LABEL = "the label of a network"
 
 FUNCTION = "a function of the signals, as lambda x: x.pose_error > 1"
 
@@ -94,8 +101,9 @@ def make(
         A stored metric by name, which counts negatively, or a function of a `Step`. Default:
         ``tune.objective`` of the configuration, or mean_pose_error.
     terminated
-        Function of a `Step` that says where an episode ends. Episodes also end where the state is
-        no longer finite, and are truncated at ``time.duration``.
+        Function of a `Step` that says where an episode ends. Episodes also end beyond a bound of
+        ``failed_when`` in the experiment, and where the state is no longer finite; they are
+        truncated at ``time.duration``.
     penalty
         What is subtracted from the reward where an episode terminates. Default: as many times minus
         the reward of the last step as steps are left, so that it does not pay to end early.
@@ -134,6 +142,8 @@ def make(
     >>> observation.shape, env.action_space.shape
     ((2, 12), (2, 3))
     """
+    _expect(isinstance(overrides, Mapping | None), "overrides", KEYS, overrides)
+    _expect(isinstance(controller, str | None), "controller", LABEL, controller)
     document = document_from(
         config,
         {f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()},
@@ -156,9 +166,11 @@ def make(
         penalty,
     )
     _expect(terminated is None or callable(terminated), "terminated", FUNCTION, terminated)
-    _expect(not isinstance(privileged, str), "privileged", "a list of names", privileged)
-    _expect(dtype in FLOATS, "dtype", "np.float32 or np.float64", dtype)
-    if autoreset not in (*MODES, *MODES.values()):
+    is_list = isinstance(privileged, list | tuple)
+    _expect(is_list, "privileged", "a list of names", privileged)
+    is_type = isinstance(dtype, str | type | np.dtype)
+    _expect(is_type and dtype in FLOATS, "dtype", "np.float32 or np.float64", dtype)
+    if str(autoreset) not in (*MODES, *map(str, MODES.values())):
         raise EqtError(
             f"autoreset: expected 'same_step' or 'disabled', got {autoreset!r}; in the mode "
             "NEXT_STEP, every episode has a step without an action"
@@ -166,12 +178,13 @@ def make(
     document = changed_at(document, ("ensemble", "seed"), seed, "seed")
     trained = study(document)
     objective = (document.data.get("tune") or {}).get("objective")
+    usual = objective if isinstance(objective, str) else "mean_pose_error"
     return Environment(
         trained,
         label,
         num_envs,
         Episodes(problem_of(trained, label, episodes)),
-        reward=reward or (objective if isinstance(objective, str) else "mean_pose_error"),
+        reward=usual if reward is None else reward,
         terminated=terminated,
         penalty=penalty,
         mode=MODES.get(str(autoreset), autoreset),
@@ -181,14 +194,26 @@ def make(
     )
 
 
-def _whole(value: Any, name: str) -> None:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
-        raise EqtError(f"{name}: expected a whole number from 1, got {value!r}")
+def _whole(value: Any, name: str, least: int = 1) -> None:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        raise EqtError(f"{name}: expected a whole number from {least}, got {value!r}")
 
 
 def _expect(is_right: bool, name: str, what: str, value: Any) -> None:
     if not is_right:
         raise EqtError(f"{name}: expected {what}, got {value!r}")
+
+
+def _numbers(values: Any, expected: str) -> Array:
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise EqtError(f"{expected} that are numbers, in rows of one length: {error}") from error
+
+
+def _path(path: Any) -> Path:
+    _expect(isinstance(path, str | os.PathLike), "path", "a file", path)
+    return Path(path)
 
 
 def _for_training(document: Document, controller: str | None) -> tuple[Document, str, int]:
@@ -314,7 +339,12 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._ended, self._started = np.zeros(num_envs, bool), False
         self.runs, self._horizon = np.zeros((2, num_envs), np.int64)
         self._signals = dict[str, Any]()
-        self._terminated = terminated and Evaluated(self.plant, terminated, "terminated")
+        self._ends = [Evaluated(self.plant, terminated, "terminated")] if terminated else []
+        self._fails = list[Evaluated]()
+        if bounds_of_errors := experiment.base.config.failed_when:
+            bounds = function_for("failed_when of a loop")(bounds_of_errors, problem.loop)
+            crossed = Evaluated(self.plant, lambda x: bounds.crossed(x.__getattr__), "failed_when")
+            self._fails.append(crossed)
         self.terminated_text = "" if terminated is None else source_of(terminated)
         self._privileged = tuple(privileged)
         for name in self._privileged:
@@ -351,11 +381,15 @@ class Environment(VectorEnv[Array, Array, Array]):
             ``reset_mask``: which environments begin anew; all by default. ``runs``: the run of the
             experiment that each of these is, with its own sensor errors.
         """
-        super().reset(seed=seed)
+        self._check_open("reset")
+        _expect(isinstance(options, Mapping | None), "options", OPTIONS, options)
         options = dict(options or {})
         if seed is not None:
-            self._order = np.uint64(seed)
+            _whole(seed, "seed", least=0)
+            seed = int(seed)
+            self._order = np.uint64(seed % 2**64)
             self._begun[:] = 0
+        super().reset(seed=seed)
         mask = options.pop("reset_mask", None)
         which = np.arange(self.num_envs) if mask is None else self._masked(mask)
         runs = options.pop("runs", None)
@@ -419,15 +453,22 @@ class Environment(VectorEnv[Array, Array, Array]):
         """
         action = self._checked(actions)
         plant = self.plant
+        moves = ~plant.waits
         plant.act(action)
         self.reward.after_instant()
         plant.advance()
         failed = plant.failed
+        crossed = self._any_of(self._fails, action) & moves & ~failed
         reward = np.where(failed, self._rewards, self.reward(action, self._last))
-        terminated = failed.copy()
-        if self._terminated:
-            terminated |= self._terminated(action, self._last) != 0
-        self._last[:] = action
+        reward = np.where(moves, reward, 0.0)
+        if not np.isfinite(reward).all():
+            place = int(np.flatnonzero(~np.isfinite(reward))[0])
+            raise EqtError(
+                f"reward: is {reward[place]} in environment {place}, at {plant.time[place]:g} s; "
+                "give a number there, too"
+            )
+        terminated = failed | crossed | (self._any_of(self._ends, action) & moves & ~failed)
+        self._last[moves] = action[moves]
         truncated = (plant.tick >= self._horizon) & ~terminated
         self._rewards[:] = reward
         if terminated.any():
@@ -437,11 +478,25 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._ended = terminated | truncated
         info = {}
         if self._ended.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
-            info = self._followed(np.flatnonzero(self._ended), failed)
+            info = self._followed(np.flatnonzero(self._ended), failed | crossed)
         return self._observations(), reward, terminated, truncated, info | self._info()
+
+    def _any_of(self, conditions: Sequence[Evaluated], action: Array) -> Array:
+        """Return whether any of these conditions holds, of each run."""
+        holds = np.zeros(self.num_envs, bool)
+        for condition in conditions:
+            value = condition(action, self._last)
+            if (wrong := value[(value != 0) & (value != 1) & ~self.plant.failed]).size:
+                raise EqtError(
+                    "terminated: expected a condition, as x.pose_error > 1, got the number "
+                    f"{wrong[0]}"
+                )
+            holds |= value != 0
+        return holds
 
     def _checked(self, actions: Any) -> Array:
         """Return actions as floats, within their limits."""
+        self._check_open("step")
         if not self._started:
             raise EqtError("step: call reset() first")
         if self._ended.any():
@@ -449,7 +504,7 @@ class Environment(VectorEnv[Array, Array, Array]):
                 f"step: environment {int(np.flatnonzero(self._ended)[0])} has ended; begin it anew "
                 "by reset(options={'reset_mask': terminated | truncated})"
             )
-        action = np.array(actions, dtype=float)
+        action = _numbers(actions, "step: expected actions")
         if action.shape != self._last.shape:
             raise EqtError(
                 f"step: expected actions of shape {self._last.shape}, got {action.shape}"
@@ -460,6 +515,10 @@ class Environment(VectorEnv[Array, Array, Array]):
                 f"step: the action of environment {place} is not finite: {action[place]}"
             )
         return action if self._limit is None else np.clip(action, -self._limit, self._limit)
+
+    def _check_open(self, what: str) -> None:
+        if self.closed:
+            raise EqtError(f"{what}: the environment is closed; make another one")
 
     def _at_end(self, reward: Array) -> Array:
         """Return the rewards of steps that terminate an episode."""
@@ -474,7 +533,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         for place, row in zip(ended.tolist(), rows, strict=True):
             last[place] = row
         mask = self._ended.copy()
-        about = self._info() | {"failed": failed, "_failed": mask}
+        about = self._info() | {"failed": failed, "_failed": mask, "_run": mask}
         self._begin(ended, None)
         self._observed[ended] = self.plant.observe(ended)
         return {"final_obs": last, "_final_obs": mask, "final_info": about, "_final_info": mask}
@@ -514,6 +573,7 @@ class Environment(VectorEnv[Array, Array, Array]):
 
     def exactly(self, name: str) -> Array:
         """Return a signal or drawn numbers of each environment now, by a name that is `offered`."""
+        _expect(isinstance(name, str), "exactly", "the name of a signal", name)
         if name in self._numbers:
             return self.plant.parameters[:, self._numbers[name]].copy()
         if name not in self._signals:
@@ -524,7 +584,7 @@ class Environment(VectorEnv[Array, Array, Array]):
 
     def of_runs(self, episodes: Episodes) -> Environment:
         """Return environments for episodes of the same loop, with 64-bit observations."""
-        return Environment(
+        other = Environment(
             self.study,
             self.label,
             len(episodes.states),
@@ -533,6 +593,8 @@ class Environment(VectorEnv[Array, Array, Array]):
             mode=AutoresetMode.DISABLED,
             dtype=np.float64,
         )
+        other._fails = []  # all runs are compared to their end
+        return other
 
     @property
     def training(self) -> dict[str, Any]:
@@ -552,7 +614,7 @@ class Environment(VectorEnv[Array, Array, Array]):
 
         `eqt compare` then refuses to judge the policy by the runs of its training.
         """
-        return policy.record(self, Path(path))
+        return policy.record(self, _path(path))
 
     def check(
         self,
@@ -582,7 +644,8 @@ class Environment(VectorEnv[Array, Array, Array]):
             If they differ, if the function differs from the file, or if the file does not fit.
         """
         _whole(runs, "runs")
-        return policy.check(self, Path(path), function, runs)
+        _expect(function is None or callable(function), "function", "a function or None", function)
+        return policy.check(self, _path(path), function, runs)
 
 
 FIRST_END, START, ERRORS = range(3)

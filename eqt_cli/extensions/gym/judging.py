@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -55,9 +56,8 @@ def conclude(result: Result) -> Conclusion | None:
         texts = json.loads(stored)
         for law in result.config["controllers"]:
             about = trained(texts, law) if isinstance(law, dict) else {}
-            if about.get("seed") in seeds_of(result):
-                label = str(law.get("label", law["kind"]))
-                return JudgedByTraining(label=label, seed=int(about["seed"]))
+            if common := seeds_of_training(about) & seeds_of(result):
+                return JudgedByTraining(label=str(law.get("label", law["kind"])), seed=min(common))
     return None
 
 
@@ -69,6 +69,12 @@ def trained(texts: Mapping[str, str], law: Mapping[str, Any]) -> Mapping[str, An
     return about if isinstance(about, dict) else {}
 
 
+def seeds_of_training(about: Mapping[str, Any]) -> set[int]:
+    """Return the seeds of all trainings that a file records; a training may go on by another."""
+    words = f"{about.get('seeds', '')} {about.get('seed', '')}".replace(",", " ").split()
+    return {int(word) for word in words if re.fullmatch("[0-9]{1,20}", word)}
+
+
 def remarks(experiment: Any, shown: object) -> Iterator[tuple[Any, str]]:
     """Yield a remark on a policy that is flown by the runs of its training, or at another rate."""
     config, texts = experiment.document.data, experiment.document.home.files
@@ -76,10 +82,10 @@ def remarks(experiment: Any, shown: object) -> Iterator[tuple[Any, str]]:
         if not isinstance(law, dict) or "trained" not in texts.get(law.get("file"), ""):
             continue
         about, key = trained(texts, law), ("controllers", index, "file")
-        if about.get("seed") == experiment.config.ensemble.seed:
+        if (seed := experiment.config.ensemble.seed) in seeds_of_training(about):
             yield (
                 key,
-                f"was trained on the runs of seed {about['seed']}, which is ensemble.seed; eqt "
+                f"was trained on the runs of seed {seed}, which is ensemble.seed; eqt "
                 "compare refuses to judge it by them, so choose another one",
             )
         period = experiment.vehicle.control and experiment.vehicle.control.period

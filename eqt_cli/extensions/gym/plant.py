@@ -32,10 +32,7 @@ MOST_BYTES = 2**27
 
 @dataclass(frozen=True)
 class FirstCommand:
-    """States of a vehicle whose actuators have followed its first command before, for an engine.
-
-    `eqt run` starts them so by the command of the exact state, here by that of the measured one.
-    """
+    """States of a vehicle whose actuators have followed its first command before, for an engine."""
 
     def __call__(self, loop: ClosedLoop, t: Any, state: Array, command: Array) -> Arrays:
         """Return ``state``."""
@@ -54,13 +51,15 @@ class Episodes:
     errors : (rows, instants, k) each
         Whole histories, from the first instant to the horizon, of as many of the runs as fit
         `MOST_BYTES`; none without sensors.
+    arrives
+        Which of `errors` says what arrives, and is no error.
     rows
         How many these are; 1 without sensors.
     """
 
     def __init__(self, problem: Problem) -> None:
         self.states, self.parameters = problem.states, parameter_rows(problem)
-        self.errors, self.rows = list[Array](), 1
+        self.errors, self.rows, self.arrives = list[Array](), 1, -1
         if problem.errors is None:
             return
         instants = problem.control_instants + 1  # an observation follows the last step, too
@@ -69,6 +68,7 @@ class Episodes:
         self.rows = min(problem.runs, max(1, MOST_BYTES // size))
         drawn: Errors = longer.of(np.arange(self.rows))
         self.errors = [part.reshape(*part.shape[:2], -1) for part in drawn.of_runs]
+        self.arrives = [part is drawn.arrived for part in drawn.of_runs].index(True)
 
 
 class Plant:
@@ -89,6 +89,10 @@ class Plant:
         The next instant of each run; the last one is `ticks`, the horizon.
     first_command
         What gives actuators their states at the start of a run; None where nothing does.
+    waits : (runs,)
+        Whether a run waits for its first command, before the instant 0. `eqt run` starts actuators
+        by the command of the exact state; where sensors have errors, the answer to a measurement is
+        another one, and the policy is asked for that first.
     failed : (runs,)
         Whether the motion of a run has ended: it is no longer finite, or the solver gave up.
     """
@@ -134,6 +138,8 @@ class Plant:
             program = sampled(FirstCommand(), loop, lengths_of_first)
             assert program is not None  # for eqt run traces the same
             self.first_command = program, held_rows(loop, self.starts, program)
+        self.asks_first = bool(self.first_command and episodes.errors)
+        self.waits = np.zeros(count, bool)
         self._span = {
             "rtol": engine.rtol * STEP_SHARE,
             "atol": engine.atol * STEP_SHARE,
@@ -162,6 +168,12 @@ class Plant:
         return places
 
     @property
+    def time(self) -> Array:
+        """The times of the next instants, s."""
+        t: Array = self.starts[self.places]
+        return t
+
+    @property
     def is_over(self) -> Array:
         """Whether each run is at the horizon."""
         return self.tick >= self.ticks
@@ -170,7 +182,7 @@ class Plant:
         """Begin some runs anew: as these `runs` of the episodes, with errors of these `rows`."""
         self.states[which] = self._episodes.states[runs]
         self.parameters[which] = self._episodes.parameters[runs]
-        self._row[which], self.tick[which] = rows, 0
+        self._row[which], self.tick[which], self.waits[which] = rows, 0, self.asks_first
         for array in (self._counts, self._ends, self._steps, self._times):
             array[which] = 0
 
@@ -182,9 +194,16 @@ class Plant:
         return [Rows(rows, by_run=True) for rows in values]
 
     def observe(self, which: Array | slice = slice(None)) -> Array:
-        """Measure some runs at their next instants; return what the law observes."""
-        states, ticks = self.states[which], self.tick[which]
+        """Measure some runs at their next instants; return what the law observes.
+
+        Those that wait for their first command are observed exactly.
+        """
+        states, ticks, waits = self.states[which], self.tick[which], self.waits[which]
         errors = [part[self._row[which], ticks] for part in self._episodes.errors]
+        if waits.any():
+            for k, part in enumerate(errors):
+                if k != self._episodes.arrives:
+                    part[waits] = 0.0
         inputs = [*self._inputs(which, states), *(Rows(part, by_run=True) for part in errors)]
         outputs = at_one_time(self._around.input, inputs)
         self._measured[which] = outputs.get("state", states)
@@ -194,28 +213,36 @@ class Plant:
         return observed
 
     def act(self, actions: Array) -> None:
-        """Let the law answer by these outputs of a network, as measured by `observe`."""
+        """Let the law answer by these outputs of a network, as measured by `observe`.
+
+        To runs that wait, they are their first commands.
+        """
         memory = np.ascontiguousarray(self.states[:, self._memory])
         torque = np.empty((len(actions), self._law.length))
         rows = np.concatenate([actions, np.zeros_like(memory)], axis=1)
         call(self._law.actions_call, memory, rows, torque)
-        if self.first_command and (fresh := np.flatnonzero(self.tick == 0)).size:
+        starts = self.waits if self.asks_first else self.tick == 0
+        if self.first_command and (fresh := np.flatnonzero(starts)).size:
             program, held = self.first_command
-            state, *others = self._inputs(fresh, self._measured[fresh], held)
+            state, *others = self._inputs(fresh, self.states[fresh], held)
             more = [state, Rows(torque[fresh], by_run=True), *others]
             self._measured[fresh] = at_one_time(program, more)["state"]
         inputs = self._inputs(slice(None), self._measured)
         answer = [Rows(torque, by_run=True), Rows(memory, by_run=True)]
-        self.states = at_one_time(self._around.after, [*inputs, *answer])["state"]
+        after = at_one_time(self._around.after, [*inputs, *answer])["state"]
+        after[self.waits] = self._measured[self.waits]
+        self.states = after
 
     def advance(self) -> None:
-        """Move all runs from their instants to the next ones."""
+        """Move all runs from their instants to the next ones, but for those that waited."""
+        moves, self.waits = ~self.waits, np.zeros(len(self.waits), bool)
         first, after = self._first[self.tick], self._first[self.tick + 1]
         self._ends[~np.isfinite(self.states).all(axis=1)] = library.NOT_FINITE
         for k in range(self._most_spans):
             place = first + k
-            self._through(place, None if self._most_spans == 1 else place < after)
-        self.tick += 1
+            all_move = self._most_spans == 1 and moves.all()
+            self._through(place, None if all_move else moves & (place < after))
+        self.tick += moves
 
     def _through(self, place: Array, takes_part: Array | None) -> None:
         """Integrate through the spans at these places, those runs that take part."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,10 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import refusals, replace_file
+from eqt_cli.base.registry import described
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
+from eqt_cli.extensions.gym.judging import seeds_of_training
 from eqt_cli.extensions.gym.plant import Episodes
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
 from eqt_cli.extensions.network.reader import TRAINED
@@ -68,8 +71,9 @@ def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, r
     law = judged.base.loops[label].controller
     assert isinstance(law, Network)
     commands, same = commands_of(law), environment.of_runs(Episodes(problem))
-    same.plant.first_command = None  # the starts of eqt run know the first command
     observed, apart = same.reset(options={"runs": np.arange(runs)})[0], 0.0
+    if same.plant.asks_first:  # by a network whose memory has not begun
+        observed = same.step(commands_of(law)(observed))[0]
     poses = problem.loop.layout.slices["pose"]
     for k in range(same.plant.ticks):
         actions = commands(observed)
@@ -93,7 +97,13 @@ def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, r
 
 def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expected: Array) -> None:
     """Refuse a function whose actions are not those of the file."""
-    actions = np.asarray(policy(observed.astype(np.float32)), dtype=float)
+    try:
+        actions = np.asarray(policy(observed.astype(np.float32)), dtype=float)
+    except Exception as error:
+        raise EqtError(
+            f"policy: the function fails: {described(error)}; it gets observations of shape "
+            f"{observed.shape} and returns the actions alone, as lambda x: model.predict(x)[0]"
+        ) from error
     if actions.shape != expected.shape:
         raise EqtError(
             f"policy: expected actions of shape {expected.shape} for observations of shape "
@@ -125,6 +135,8 @@ def record(environment: Any, path: Path) -> dict[str, Any]:
     except Exception as error:
         raise EqtError(f"{path}: cannot be read as ONNX: {error}") from error
     about = environment.training
+    seeds = sorted({about["seed"], *_recorded_seeds(model)})
+    about["seeds"] = ", ".join(map(str, seeds))
     others = [entry for entry in model.metadata_props if entry.key != TRAINED]
     del model.metadata_props[:]
     model.metadata_props.extend(others)
@@ -133,3 +145,12 @@ def record(environment: Any, path: Path) -> dict[str, Any]:
     with refusals(path, "written"):
         replace_file(path, model.SerializeToString())
     return about
+
+
+def _recorded_seeds(model: Any) -> set[int]:
+    """Return the seeds of earlier trainings of a file, which went on with this one."""
+    for entry in model.metadata_props:
+        if entry.key == TRAINED:
+            with suppress(ValueError, TypeError, AttributeError):
+                return seeds_of_training(json.loads(entry.value))
+    return set()

@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.arrays import Array, Arrays, where
 from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.registry import described
 from eqt_cli.engines.native import held_rows, sampled
 from eqt_cli.extensions.gym.plant import Plant
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import existing, holds, outputs_of, values_at
+from eqt_cli.numbers.program import COMPARISONS
 from eqt_cli.results.metrics import QUANTITIES, effort, integral_of_square, time_mean
 from eqt_cli.results.quantity import Measure
 
@@ -75,6 +77,8 @@ class OfFunction:
         value = np.asarray(self.function(step))
         if value.dtype == bool:
             value = value.astype(float)
+        if getattr(value.ravel()[:1].tolist()[0], "name", "") in COMPARISONS:  # of `less`
+            value = where(value, 1.0, 0.0)
         return {"value": value.reshape(1, 1) + 0.0}
 
 
@@ -103,8 +107,16 @@ class Evaluated:
         plant = self._plant
         if self._program:
             return plant.evaluate(*self._program, (action, last))["value"][:, 0]
-        t = plant.starts[plant.places]
-        value = np.asarray(self._function(Step(self.signal, t, action, last)))
+        t = plant.time
+        try:
+            value = np.asarray(self._function(Step(self.signal, t, action, last)))
+        except EqtError:
+            raise
+        except Exception as error:
+            raise EqtError(
+                f"{self._what}: the function fails: {described(error)}; it takes one argument, "
+                "whose signals are arrays of a number for each run, so that np.where replaces if"
+            ) from error
         if value.shape != (len(t),) or value.dtype.kind not in "fiub":
             raise EqtError(
                 f"{self._what}: expected a number for each run, of shape ({len(t)},), got "

@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import matrix, premises, remarks, text_tables
 from eqt_cli.analysis.maps import sweep_tables
-from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.errors import EqtError, EqtWarning, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
@@ -346,13 +346,17 @@ def report(
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
     concluded = conclusion_of(result)
+    if refused := _refusal(result):
+        notes = f"{notes}\n\n{refused}"
+        reporter().remark(EqtWarning(f"the page does not compare the laws: {refused}"))
     if result.is_sweep:
         of_kind: dict[str, Any] = {"table": summary.point_table(result)}
-        if not concluded.id:  # no means, since one over all points means little
+        if not concluded.id and not refused:  # no means: one over all points means little
             of_kind["best"] = sweep_tables(result, SWEPT_METRICS)
     else:
         of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
-        of_kind |= {} if concluded.figures or concluded.premise else _compared(result, against)
+        if not (concluded.figures or concluded.premise or refused):
+            of_kind |= _compared(result, against)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -375,6 +379,15 @@ def report(
         search=concluded.id and vars(concluded) | {"tables": concluded.tables()},
         **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}) | {"live": live},
     )
+
+
+def _refusal(result: Result) -> str:
+    """Return why the laws of a result must not be compared; "" if they may be."""
+    try:
+        conclusion_of(result).compared(result)
+    except EqtError as error:
+        return str(error.args[0]).removeprefix(f"{result.path}: ")
+    return ""
 
 
 def _default(result: Result) -> Sequence[Wanted]:

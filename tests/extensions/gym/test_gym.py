@@ -7,6 +7,7 @@ from said import error_of, says
 
 import eqt_cli
 from eqt_cli.engines.engine import hurried
+from eqt_cli.extend import less
 
 gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gym")
 
@@ -232,6 +233,21 @@ SLIPS = {
     "whole numbers": ({"dtype": int}, "dtype: expected np.float32 or np.float64, got …int…"),
     "a type": ({"dtype": "flat"}, "dtype: expected np.float32 or np.float64, got 'flat'"),
     "no list": ({"privileged": "velocity"}, "privileged: expected a list of names…'velocity'"),
+    "no function of a step": (
+        {"reward": lambda: 0},
+        "reward: the function fails: TypeError: …takes 0 positional…one argument…",
+    ),
+    "an if": (
+        {"reward": lambda x: -1 if x.pose_error > 1 else 0},
+        "reward: the function fails: ValueError…np.where…",
+    ),
+    "an empty reward": ({"reward": ""}, "reward: : unknown metric…"),
+    "keys as a list": (
+        {"overrides": ["control.period=0.02"]},
+        "overrides: expected values by key, as {'control.period': 0.02}, got […]",
+    ),
+    "a number of a law": ({"controller": 3}, "controller: expected the label…got 3"),
+    "one number": ({"privileged": 3}, "privileged: expected a list of names, got 3"),
     "a privilege": ({"privileged": ["mass"]}, "privileged: unknown name 'mass'…pose, velocity…"),
 }
 
@@ -252,6 +268,18 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
     wrong = np.zeros((5, 3))
     wrong[2, 1] = np.nan
     assert says(error_of(env.step, wrong), "step: the action of environment 2 is not finite: …")
+    ragged = [[0, 0, 0], [0, 0]]
+    for actions in ([["a"] * 3] * 5, ragged):
+        assert says(error_of(env.step, actions), "step: expected actions that are numbers…")
+    for seed in (-1, [1, 2], 1.5, True):
+        said = error_of(env.reset, seed=seed)
+        assert says(said, f"seed: expected a whole number from 0, got {seed!r}")
+    env.reset(seed=np.int64(3))
+    assert says(error_of(env.reset, options=[1]), "options: expected a mapping…got [1]")
+    assert says(error_of(env.exactly, 3), "exactly: expected the name of a signal, got 3")
+    assert says(error_of(env.check, 3), "path: expected a file, got 3")
+    assert says(error_of(env.record, None), "path: expected a file, got None")
+    assert says(error_of(env.check, "x.onnx", 3), "function: expected a function…got 3")
     for options, sentence in {
         "reset_mask": "reset_mask: expected 5 booleans…int64 of shape (3,)",
         "runs": "runs: expected 5 whole numbers from 0 to 7, got …",
@@ -259,3 +287,44 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
     }.items():
         said = error_of(env.reset, options={options: np.arange(3) + 7})
         assert says(said.replace("\n", " "), sentence), said
+
+
+@pytest.mark.ci("loads two experiments")
+def test_an_episode_ends_where_its_run_fails():
+    """A bound of `failed_when` is the same as a condition of the user's own."""
+    bounded = make(config=attitude(failed_when={"attitude": "120 deg"}), penalty=0)
+    own = make(terminated=lambda x: x.attitude_angle > 120, penalty=0)
+    compiled = make(terminated=lambda x: less(120.0, x.attitude_angle), penalty=0)
+    assert compiled._ends[0].is_compiled
+    ends = []
+    for env in (bounded, own, compiled):
+        env.reset(options={"runs": np.arange(5)})
+        for _ in range(env.plant.ticks):
+            *_, terminated, _, info = env.step(np.ones((5, 3)))
+            ends.append(terminated)
+            if "final_info" in info:
+                mask = info["_final_info"]
+                assert (info["final_info"]["_run"] == mask).all()
+                assert (
+                    info["final_info"]["failed"][mask] == (env is bounded) * terminated[mask]
+                ).all()
+    of_bounds, of_own, of_compiled = np.split(np.array(ends), 3)
+    assert (of_bounds == of_own).all()
+    assert (of_compiled == of_own).all()
+    assert 0 < of_own.sum() < of_own.size
+
+
+@pytest.mark.ci("loads an experiment for each")
+def test_what_a_function_gives_in_a_step_is_answered_with_a_sentence():
+    for options, sentence in {
+        "reward": "reward: is -inf in environment 0, at 0.01 s; give a number there, too",
+        "terminated": "terminated: expected a condition, as x.pose_error > 1, got the number …",
+    }.items():
+        function = {"reward": lambda x: -x.pose_error / 0, "terminated": lambda x: x.pose_error}
+        env = make(**{options: function[options]})
+        env.reset(seed=0)
+        with np.errstate(divide="ignore"):
+            assert says(error_of(env.step, np.zeros((5, 3))), sentence)
+    env.close()
+    assert says(error_of(env.step, np.zeros((5, 3))), "step: the environment is closed…")
+    assert says(error_of(env.reset), "reset: the environment is closed…")
