@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.base.errors import KeyPath, dotted
-from eqt_cli.base.yaml_source import dump
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, example
-from eqt_cli.config.document import Document
+
+if TYPE_CHECKING:
+    from eqt_cli.config.document import Document
 
 WIDTH = 48
 """Column of the origins; longer lines have theirs two spaces behind them."""
@@ -47,6 +48,8 @@ def _lines(
     document: Document, data: dict[str, Any], path: KeyPath
 ) -> Iterator[tuple[KeyPath, str, str]]:
     """Yield the lines of a mapping as YAML, each of a value with its path and its origin."""
+    from eqt_cli.base.yaml_source import dump  # slow to import
+
     margin = "  " * len(path)
     for key, value in data.items():
         at = (*path, key)
