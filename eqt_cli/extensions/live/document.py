@@ -105,13 +105,20 @@ class LivePage:
             digest=self.study.digest[:12],
             laws=summary.laws(self.result),
             terms=self._terms(),
+            configuration="",
             stated=summary.stated_values(self.result),
             **self._values(keys),
         )
 
     def part(self) -> dict[str, str]:
         """Return the part of a report, its `html` and `css`; raises as `whole`."""
-        html = page(TEMPLATES / "part.html.j2", [], "live.js", **self._values({}))
+        html = page(
+            TEMPLATES / "part.html.j2",
+            [],
+            "live.js",
+            configuration="#provenance",
+            **self._values({}),
+        )
         css = (TEMPLATES / "live.css").read_text(encoding="utf-8")
         return {"html": Markup(html), "css": Markup(css)}
 

@@ -75,7 +75,11 @@
     const name = rest
       .join("")
       .replace(/^\./, "")
-      .replace(/^\[(\d+)\]\.?/, ofLaw);
+      .replace(/^\[(\d+)\]\.?/, ofLaw)
+      .replace(
+        /^(\[\d+\])+$/,
+        (places) => `entry ${(places.match(/\d+/g) ?? []).map((k) => Number(k) + 1).join(", ")}`,
+      );
     groups[group] ??= $("sliders").appendChild(html("fieldset", {}, html("legend", {}, group)));
     const label = html(
       "label",
