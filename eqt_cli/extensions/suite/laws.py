@@ -13,7 +13,7 @@ from typing import Any
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key, suggestion
-from eqt_cli.base.files import text_of
+from eqt_cli.base.files import content_of, refusals, text_of
 from eqt_cli.base.option_types import shown, validated
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.components.laws import controllers
@@ -24,6 +24,9 @@ from eqt_cli.extensions.suite.tasks import Task
 
 SHIPPED = Path(__file__).with_name("laws.yaml")
 """The laws of the archive."""
+
+NETWORK_BYTES = 64_000_000
+"""Largest size of a network's file, bytes."""
 
 MOST_OWN = 4
 """Largest number of own numbers that a law may tune beside its gains."""
@@ -191,13 +194,24 @@ def read_law(text: str) -> Law:
     """
     name, function = _file_and_function(text)
     path = Path(name)
+    is_network = path.suffix in (".onnx", ".h5")
+    if is_network and path.exists():
+        raise EqtError(
+            f"{text}: give the .yaml that says what it observes and commands: {{file: {path.name}, "
+            "observes: […], commands: {…}}"
+        )
     source = text_of(path, "it has the law: .py, .c, .cpp, or .yaml of a network")
     if path.suffix == ".py":
         law = _in_python(path, source, function)
     elif path.suffix in (".c", ".cpp", ".cc", ".cxx"):
         law = _in_c(path, source, function)
+    elif path.suffix in (".yaml", ".yml"):
+        law = _of_network(path, source)
     else:
-        raise EqtError(f"{text}: expected a law in .py, .c, .cpp or .yaml")
+        raise EqtError(
+            f"{text}: expected a law in .py, .c or .cpp, or the .yaml of a network: "
+            "{file: net.onnx, observes: […], commands: {…}}"
+        )
     if len(law.tunes) > MOST_OWN:
         raise EqtError(
             f"{path}: {TUNES} has {len(law.tunes)} numbers; a law tunes at most {MOST_OWN} beside "
@@ -245,7 +259,7 @@ def _in_c(path: Path, source: str, wanted: str) -> Law:
     prefix = wanted or prefixes[0]
     if len(prefixes) > 1 and not wanted:
         raise EqtError(f"{path}: has several laws; name one: {path}:{prefix}_torque")
-    fields = _fields(source, prefix)
+    fields, memory = (_fields(source, f"{prefix}_{part}") for part in ("numbers", "memory"))
     comment = _COMMENT.search(source)
     tunes: Ranges = {}
     if comment:
@@ -256,19 +270,36 @@ def _in_c(path: Path, source: str, wanted: str) -> Law:
     for name in tunes:
         if name not in fields:
             raise EqtError(f"{path}: {TUNES} names {name}, which {prefix}_numbers has not")
-    entry = {"kind": "code", "file": str(path.resolve()), "function": f"{prefix}_torque"}
+    entry: dict[str, Any] = {"kind": "code", "file": str(path.resolve())}
+    entry["function"] = f"{prefix}_torque"
+    if any(re.search(rf"->\s*{name}\b", source) for name in memory):  # else it is the unused one
+        entry["memory"] = list(memory)
     return Law(path.stem, entry, tunes, "C", path.resolve(), source, fields)
 
 
-def _fields(source: str, prefix: str) -> dict[str, int]:
-    """Return the sizes of the fields of the numbers of a law in C."""
+def _of_network(path: Path, source: str) -> Law:
+    """Return the network that a file describes, as an entry of `controllers` does."""
+    written = yaml_source.load(source.encode(), str(path)).data
+    entry = {"kind": "network"} | written
+    if not isinstance(entry.get("file"), str):
+        raise EqtError(f"{path}: file: missing; it names the network, as net.onnx")
+    weights = path.parent.resolve() / entry["file"]
+    with refusals(weights, "read", "it has the network"):
+        digest = sha256(content_of(weights, NETWORK_BYTES)).hexdigest()
+    entry["file"] = str(weights)
+    text = f"{source}\n# {weights.name}: sha256 {digest}\n"
+    return Law(path.stem, entry, {}, "network", path.resolve(), text)
+
+
+def _fields(source: str, name: str) -> dict[str, int]:
+    """Return the sizes of the fields of a type in C, such as the numbers of a law."""
     plain = re.sub(r"/\*.*?\*/|//[^\n]*", "", source, flags=re.DOTALL)
-    body = re.search(r"struct\s*\w*\s*\{([^{}]*)\}\s*" + re.escape(prefix) + r"_numbers\b", plain)
+    body = re.search(r"struct\s*\w*\s*\{([^{}]*)\}\s*" + re.escape(name) + r"\b", plain)
     fields: dict[str, int] = {}
     for statement in (body[1] if body else "").split(";"):
         _, _, names = statement.strip().partition(" ")
-        for name, size in _FIELD.findall(names + ";"):
-            fields[name] = int(size or 1)
+        for member, size in _FIELD.findall(names + ";"):
+            fields[member] = int(size or 1)
     return fields
 
 

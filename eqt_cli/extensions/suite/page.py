@@ -4,33 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 
 from eqt_cli.base.reporting import TextTable
 
-_STYLE = """
-body { font: 15px/1.4 system-ui, sans-serif; margin: 2em auto; max-width: 70em; padding: 0 1em; }
-table { border-collapse: collapse; margin: 1em 0 2em; }
-th, td { padding: .2em .7em; text-align: left; vertical-align: top; }
-td + td { font-variant-numeric: tabular-nums; }
-thead th { border-bottom: 1px solid; }
-tbody th { padding-top: 1em; }
-.better { color: #1a7f37; } .worse, .fails { color: #b42318; }
-.undecided, .no { color: inherit; }
-@media (prefers-color-scheme: dark) {
-  body { background: #111; color: #ddd; } .better { color: #4ac26b; }
-  .worse, .fails { color: #ff7b72; }
-}
-"""
+_STYLE = Path(__file__).with_name("page.css")
 
 
 def page(title: str, lines: Sequence[str], tables: Sequence[TextTable]) -> str:
     """Return a page with sentences and tables; a verdict has a colour only if it is resolved."""
     body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(line)}</p>" for line in lines)]
     body += [part for table in tables for part in _table(table)]
+    style = _STYLE.read_text("utf-8")
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
     return (
         f'<!doctype html>\n<html lang="en"><head>{head}<title>{escape(title)}</title>'
-        f"<style>{_STYLE}</style></head>\n<body>\n" + "\n".join(body) + "\n</body></html>\n"
+        f"<style>{style}</style></head>\n<body>\n" + "\n".join(body) + "\n</body></html>\n"
     )
 
 

@@ -258,7 +258,7 @@ class Checked:
                 f"differ, by up to {row.largest:.1e}"
             )
         if any(row.differing for row in self.runs) and all(x.largest < SMALL for x in self.runs):
-            lines.append("  so small a difference is that of another processor or compiler")
+            lines.append("  another processor or compiler can make so small a difference")
         lines += [_fresh_line(part) for part in self.optimism]
         return lines
 

@@ -133,6 +133,8 @@ def answer(
         names = [f"{x.task} ({_cell(x)})" for x in of_law if x.verdict == word]
         if names:
             said.append(f"{word} on {listed(names)}")
+    if not said:
+        return [f"{title} was judged on no task that this archive has; judge it anew."]
     lines = [f"{title} against GT: {'; '.join(said)}."]
     for row in (row for row in rows if row.law == law):
         over = f"Over {row.tasks} {count_of(row.count, 'task')}"

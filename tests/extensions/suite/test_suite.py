@@ -1,13 +1,16 @@
 """The suite: its tasks, the laws that it takes, its files, and what it says of laws."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from eqt_cli.base.errors import ConfigError, EqtError
-from eqt_cli.extensions.suite import archive, verdicts
+from eqt_cli.extensions.suite import archive, checking, proposals, verdicts
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
-from eqt_cli.extensions.suite.judging import Judged
-from eqt_cli.extensions.suite.laws import read_law, shipped_laws
+from eqt_cli.extensions.suite.judging import Judged, tuned
+from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws
 from eqt_cli.extensions.suite.tasks import TASKS, all_tasks, read_task
 
 pytestmark = pytest.mark.needs("suite", "search")
@@ -94,3 +97,106 @@ def test_a_law_is_better_by_its_ratio_and_fails_without_one():
     means = {row.law: row.ratio.value for row in verdicts.overall(rows, whole, tasks)}
     assert means["good"] == pytest.approx(0.5, rel=1e-12)
     assert np.isnan(means["bad"])
+
+
+@pytest.mark.ci("tunes a law on a task")
+def test_the_archive_is_computed_anew_to_the_bit(tmp_path):
+    """Gains and held-out errors of one law on the shortest task of the archive."""
+    whole, tasks = archive.shipped_archive(), all_tasks()
+    current = [name for name, digest in whole.tasks.items() if tasks[name].digest == digest]
+    gt = whole.laws["gt"]
+    name = min((name for name in current if name in gt.tasks), key=lambda n: gt.tasks[n].seconds)
+    again = tuned(shipped_laws()["gt"], tasks[name], tmp_path / name, 2)
+    assert again.values == gt.tasks[name].values
+    assert np.array_equal(again.errors, gt.tasks[name].errors)
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    """A suite of one small task, and the current folder."""
+    text = (TASKS / "quad_att.yaml").read_text()
+    text = re.sub(r"search: .*", "search: { points: 20, runs: 4, samples: 3, seed: 11 }", text)
+    text = re.sub(r"judge: .*", "judge: { runs: 20, seed: 999 }", text)
+    text = re.sub(r"duration: \d+, samples: \d+", "duration: 1, samples: 21", text)
+    (tmp_path / "tasks").mkdir()
+    (tmp_path / "tasks" / "quad_att.yaml").write_text(text)
+    monkeypatch.setattr("eqt_cli.extensions.suite.tasks.TASKS", tmp_path / "tasks")
+    monkeypatch.setattr(archive, "ARCHIVE", tmp_path / "archive.zip")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+LAW = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Array, Controller, Tracking
+
+
+@dataclass(frozen=True)
+class Mine(Controller):
+    name: ClassVar[str] = "mine_of_the_suite"
+
+    def torque(self, s: Tracking) -> Array:
+        r = s.relative
+        return r.cancelling_feedforward - r.body_damping - r.gradient
+"""
+
+
+@pytest.mark.ci("tunes two laws under two names, and judges one on fresh runs")
+def test_a_law_is_judged_packed_and_checked_under_any_name(small, invoke):
+    (small / "mine.py").write_text(LAW)
+    (small / "moved").mkdir()
+    (small / "moved" / "other.py").write_text(LAW)
+    for file in ("mine.py", "moved/other.py"):
+        invoke("suite", file, "--workers", "1")
+    one, other = (archive.read(small / f"results/suite/{x}/law.zip") for x in ("mine", "other"))
+    (a,), (b,) = one.laws.values(), other.laws.values()
+    assert a.digest == b.digest
+    assert np.array_equal(a.tasks["quad_att"].errors, b.tasks["quad_att"].errors)
+
+    invoke("suite", "pack", "results/suite/mine")
+    pack = "mine.eqtsuite.zip"
+    assert Path(pack).stat().st_size < 100_000
+    assert "a file is data" in invoke("suite", "check", pack, "--no-fresh").stdout
+    again = "suite", "check", pack, "--no-fresh", "--share", "1", "--law"
+    assert "60 computed again: none differ" in invoke(*again, "moved/other.py").stdout
+    changed = archive.read(Path(pack))
+    changed.laws["mine"].tasks["quad_att"].errors[:] *= 0.9
+    archive.write(Path(pack), changed)
+    assert "60 differ" in invoke(*again, "mine.py", code=4).stdout
+
+
+def test_fresh_runs_tell_a_law_that_was_fitted_to_the_public_ones(monkeypatch):
+    """Its error is 0.7 of what the same gains have on other runs."""
+    task = all_tasks()["quad_att"]
+    whole = archived(gt=1.0, fitted=0.7, honest=1.02)
+    fresh = {"gt": judged(1.0).errors, "fitted": judged(1.0).errors, "honest": judged(1.02).errors}
+
+    def held_out(document, task, points, workers):
+        (entry,) = document.data["controllers"]
+        return fresh[entry["label"]], np.ones(3)
+
+    monkeypatch.setattr(checking, "held_out", held_out)
+    laws = {name: Law(name, {"kind": "gt"}) for name in fresh}
+    rows = {
+        name: checking.optimism(
+            (laws[name], laws["gt"]), (whole.laws[name], whole.laws["gt"]), {"quad_att": task}, 1
+        )
+        for name in ("fitted", "honest")
+    }
+    assert rows["fitted"][0].factor.value == pytest.approx(1 / 0.7, rel=1e-12)
+    assert rows["fitted"][0].is_optimistic
+    assert not rows["honest"][0].is_optimistic
+
+
+def test_a_task_is_told_from_a_copy_and_from_noise():
+    factors = {"gt": 1.0, "a": 1.2, "b": 1.5, "c": 2.0, "d": 3.0}
+    of_task, suite = archived(**factors), archived(**factors)
+    suite.tasks["other"] = "digest"
+    for law in suite.laws.values():
+        law.tasks["other"] = law.tasks["quad_att"]
+    found = proposals.proposal("quad_att", of_task, suite)
+    assert (found.resolved, found.nearest, found.correlation) == (1.0, "other", 1.0)
+    assert found.faults == ["is redundant: it orders laws as other does"]
+    assert proposals.kendall([1, 2, 3, 4], [1, 2, 4, 3]) == pytest.approx(2 / 3)
