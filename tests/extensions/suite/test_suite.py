@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import ConfigError, EqtError
-from eqt_cli.extensions.suite import archive, checking, proposals, verdicts
+from eqt_cli.extensions.suite import archive, checking, proposals, tables, verdicts
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.judging import Judged, tuned
 from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws
 from eqt_cli.extensions.suite.tasks import TASKS, all_tasks, read_task
+from eqt_cli.results.quantity import Plain
 
 pytestmark = pytest.mark.needs("suite", "search")
 
@@ -200,3 +201,17 @@ def test_a_task_is_told_from_a_copy_and_from_noise():
     assert (found.resolved, found.nearest, found.correlation) == (1.0, "other", 1.0)
     assert found.faults == ["is redundant: it orders laws as other does"]
     assert proposals.kendall([1, 2, 3, 4], [1, 2, 4, 3]) == pytest.approx(2 / 3)
+
+
+def test_the_page_has_the_ratios_of_the_archive():
+    page = (Path(__file__).parents[3] / "docs" / "experiments" / "suite.md").read_text("utf-8")
+    header, _, *rows = page[page.index("| law |") :].partition("\n\n")[0].splitlines()
+    whole, tasks = archive.shipped_archive(), all_tasks()
+    assert [name.strip() for name in header.split("|")[2:-1]] == list(tasks)
+    cells = {row.split("|")[1].strip(): row.split("|")[2:-1] for row in rows}
+    table = tables.task_table(verdicts.verdicts(whole, tasks), whole, tasks, Plain())
+    for column, block in enumerate(table.blocks):
+        stated = {law: row[column].strip(" *") for law, row in cells.items()}
+        for law, ratio, *_ in block.rows[1:]:
+            assert stated.pop(law) == ratio, (law, block.title)
+        assert set(stated.values()) <= {"-"}
