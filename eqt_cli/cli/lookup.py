@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 def list_components(
-    kind: Annotated[
-        str | None,
+    words: Annotated[
+        list[str] | None,
         typer.Argument(
             metavar="KIND|NAME|WORD",
             help=f"{', '.join(all_kinds())}, configs, laws or starts, in singular or plural; "
@@ -47,7 +47,7 @@ def list_components(
     json: options.Json = False,
 ) -> None:
     """List the available components, such as laws and sensors, or the options of one of them."""
-    kinds = [*all_kinds(), "configs"]
+    kinds, kind = [*all_kinds(), "configs"], " ".join(words or ()) or None
     if plugin:
         for name in all_kinds():
             registry(name)  # a plugin may define any kind

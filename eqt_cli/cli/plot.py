@@ -31,7 +31,7 @@ def _list(wish: bool) -> None:
     if wish:
         from eqt_cli.cli.lookup import list_components
 
-        list_components("figures")
+        list_components(["figures"])
         raise typer.Exit
 
 

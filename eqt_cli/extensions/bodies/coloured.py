@@ -52,6 +52,8 @@ def draw_by_error(
         if view == "sphere":
             white = np.where(seen[1:, 2:] >= 0, 0.0, 1.0 - _BEHIND)
             colours[:, :3] += white * (1.0 - colours[:, :3])
+            nearer = np.argsort(white[:, 0] == 0.0, kind="stable")  # drawn over the far side
+            pieces, colours = pieces[nearer], colours[nearer]
         look = LineCollection(
             list(pieces), colors=colours, linewidths=_LINE, zorder=2, label=layout.NO_NUMBERS
         )

@@ -34,6 +34,12 @@ WORDS = {
     "where does it fail": "howto/failures.md",
     "one more run": "howto/sweeps.md#more-points-laws-or-runs",
     "resume": "howto/messages.md#after-an-interruption",
+    "tensor": "howto/vehicle.md",
+    "hexarotor": "howto/rotors.md",
+    "clamp": "howto/limits.md",
+    "integral gain": "howto/limits.md",
+    "torque saturation": "howto/limits.md",
+    "block diagram": "howto/diagram.md",
     "gnss": "howto/navigation.md",
     "imu": "howto/navigation.md",
     "sun": "howto/spacecraft.md",
@@ -85,6 +91,7 @@ def test_list_tells_topics_and_components_of_a_word(invoke):
     assert "eqt run quadrotor_gnss" in said
     assert re.search(r"estimators +navigation", said)
     assert "docs/howto/spacecraft.md" in invoke("list", "keep_out").stdout
+    assert "docs/howto/compare.md" in invoke("list", "rank", "my", "law").stdout  # no quotes
     assert "unknown kind or component 'xyzzy'" in invoke("list", "xyzzy", code=2).stderr
 
 
