@@ -105,7 +105,7 @@ paper() {
 	picture single_runs runs
 	picture distributions distributions
 	if [ "$task" = draw ]; then
-		"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \
+		"$eqt" animate "$result" --run 1 --controller eqt --controller gt --seconds 6 \
 			--out "$result/figures" --quiet
 		cp "$result/figures/run1.gif" "$place/animation.gif"
 	fi
