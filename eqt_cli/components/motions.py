@@ -212,17 +212,21 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
     return Pieces.of(G, times[:-1], poses[:-1], vectors, CUBIC / h[:, :, None] ** np.arange(4))
 
 
-def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
+def spline(
+    G: MatrixLieGroup, times: Array, poses: Array, ends: tuple[Any, Any] = (None, None)
+) -> Pieces:
     """Return the cubic spline through poses, whose times need not be uniform.
 
     The velocities V_i in `through` are such that the acceleration has no jumps and is 0 at both
-    ends. In a vector space this is the natural cubic spline, which equals the B-spline through the
-    same points.
+    ends where `ends` has no velocity. In a vector space this is the natural cubic spline, or the
+    clamped one.
 
     Parameters
     ----------
     times : (n + 1,)
     poses : (n + 1, d, d)
+    ends
+        V at the first and at the last pose, ``(m,)``; None for an acceleration of 0.
 
     Raises
     ------
@@ -239,6 +243,9 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
     matrix[1, :-1] += 2 / (3 * h[:, 0])
     matrix[1, 1:] += 2 / (3 * h[:, 0])
     V = np.zeros((len(times), G.dimension))
+    clamped = [(k, velocity) for k, velocity in zip((0, -1), ends, strict=True) if velocity]
+    for k, velocity in clamped:
+        V[k], matrix[1, k], matrix[0 if k == 0 else 2, 1 if k == 0 else -2] = velocity, 1.0, 0.0
     sizes: list[float] = []
     for _ in range(MAX_ITERATIONS):
         first, last = h * V[:-1] / 3, h * V[1:] / 3
@@ -246,6 +253,7 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
         jump = np.zeros_like(V)  # jump of the acceleration at each time, divided by 6
         jump[:-1] += (middle - first) / h**2
         jump[1:] -= (last - G.Ad(G.exp(-last), middle)) / h**2
+        jump[[k for k, _ in clamped]] = 0.0
         change = solve_banded((1, 1), matrix, jump)
         sizes.append(float(np.abs(change).max() / max(np.abs(V).max(), np.abs(change).max(), TINY)))
         stalled = len(sizes) > 5 and sizes[-1] < STALLED and sizes[-1] >= min(sizes[-4:-1])

@@ -72,6 +72,16 @@ def check_expressions(
             formula(entry)
 
 
+def check_end(
+    velocity: Sequence[float] | None, count: int, index: int, points: int, problems: Problems
+) -> None:
+    """Note a velocity at a point between the ends, or of another length."""
+    if velocity is not None and 0 < index < points - 1:
+        problems.add("belongs to the first and the last point alone; remove it here")
+    elif velocity is not None and len(velocity) != count:
+        problems.add(f"expected {count} numbers, got {len(velocity)}")
+
+
 def check_rising(points: Sequence[Any], problems: Problems) -> None:
     """Note fewer than two points, and those that are not in the order of time."""
     if len(points) < 2:

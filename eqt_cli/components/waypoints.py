@@ -9,13 +9,13 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.extensions import function_for, functions_for
-from eqt_cli.base.option_types import Positive, Real, Unit, unknown_key, validated
+from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit, unknown_key, validated
 from eqt_cli.base.registry import Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.motions import Pieces, spline
 from eqt_cli.components.pose_notation import check_turn, pose_from
 from eqt_cli.components.pose_tables import MAPPING, InFile
-from eqt_cli.components.references import PiecewiseReference, check_rising
+from eqt_cli.components.references import PiecewiseReference, check_end, check_rising
 
 LATEST, CLOSEST = 1e9, 1e-9
 """Bounds of the times and of the time between two of them, s; beyond, a rate overflows."""
@@ -31,17 +31,21 @@ class Waypoint(Keys):
         Time, s.
     pose
         The pose.
+    velocity
+        V there, in the body frame, of the first and the last alone. Default: one at which the
+        acceleration is 0.
     """
 
     t: Annotated[Real, Unit("s")]
     pose: Any
+    velocity: Annotated[list[Real] | None, Unit(VELOCITY)] = None
 
 
 @dataclass(frozen=True)
 class WaypointsReference(InFile, PiecewiseReference):
     """A cubic spline on the group through every waypoint, or near all of them.
 
-    Its acceleration has no jumps, and is 0 at both ends.
+    Its acceleration has no jumps, and is 0 at both ends where no velocity is written there.
 
     Attributes
     ----------
@@ -78,7 +82,8 @@ class WaypointsReference(InFile, PiecewiseReference):
             )
         if self.smoothing is not None:
             poses = function_for("reference.smoothing")(self, G).poses
-        return spline(G, times, poses)
+        points = self.points or (Waypoint(0.0, None),)
+        return spline(G, times, poses, (points[0].velocity, points[-1].velocity))
 
     def knot_times(self, G: MatrixLieGroup) -> Array:
         """Return the times of the waypoints."""
@@ -141,6 +146,8 @@ class WaypointsReference(InFile, PiecewiseReference):
         for index, point in enumerate(self.points):
             here = problems.at("points", index, "pose")
             pose_from(point.pose, G, here)
+            at_velocity = problems.at("points", index, "velocity")
+            check_end(point.velocity, G.dimension, index, len(self.points), at_velocity)
             if index:
                 check_turn(self.points[index - 1].pose, point.pose, G, here)
         check_rising(self.points, problems.at("points"))

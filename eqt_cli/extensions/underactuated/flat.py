@@ -20,6 +20,7 @@ from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motion
 from eqt_cli.components.references import (
     ClosedReference,
     Reference,
+    check_end,
     check_expressions,
     check_rising,
 )
@@ -53,10 +54,13 @@ class Knot(Keys):
         Time, s.
     position
         Position in space, m.
+    velocity
+        Velocity in space there, m/s, of the first and the last alone. Default: 0.
     """
 
     t: Annotated[Real, Unit("s")]
     position: Annotated[list[Real], Unit("m")]
+    velocity: Annotated[list[Real] | None, Unit("m/s")] = None
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,9 @@ class FlatReference(ClosedReference):
         p_d in space, m: an expression in t for each axis.
     minimum_snap
         Instead: two or more positions in the order of time, `{t: 0, position: [0, 0, 1]}` each. The
-        motion through them minimises ∫|d⁴p/dt⁴|² dt and is at rest at both ends: polynomials of
-        degree 7 with six continuous derivatives.
+        motion through them minimises ∫|d⁴p/dt⁴|² dt and is at rest at both ends, or has the
+        `velocity` of the first and the last: polynomials of degree 7 with six continuous
+        derivatives.
     of
         Instead: the positions of a `path`, or a motion of minimum snap through the poses of
         `waypoints` or of a `log`; poses of a file come with the velocities at the ends.
@@ -207,7 +212,11 @@ class FlatReference(ClosedReference):
             times = self.inner.knot_times(G)
             points = rigid(G).translations(self.inner.motion(G, times)[0])[..., 0]
         ends = np.zeros((2, points.shape[1]))
-        if self.inner is not None and self.inner.files:  # the velocities of the recording
+        if self.minimum_snap is not None:
+            for k, knot in zip((0, 1), (self.minimum_snap[0], self.minimum_snap[-1]), strict=True):
+                ends[k] = 0.0 if knot.velocity is None else knot.velocity
+        written = getattr(self.inner, "points", None) or ()
+        if self.inner is not None and (self.inner.files or any(x.velocity for x in written)):
             Q, V, _ = self.inner.motion(G, times[[0, -1]])
             ends = apply_matrix(rigid(G).rotation(Q), V[..., rigid(G).rotations :])
         rest = [(k, np.zeros(points.shape[1])) for k in (2, 3)]
@@ -357,6 +366,8 @@ class FlatReference(ClosedReference):
                 if len(knot.position) != n:
                     expected = f"expected {n} numbers, got {len(knot.position)}"
                     problems.at("minimum_snap", index, "position").add(expected)
+                here = problems.at("minimum_snap", index, "velocity")
+                check_end(knot.velocity, n, index, len(self.minimum_snap), here)
             check_rising(self.minimum_snap, problems.at("minimum_snap"))
         self._check_of(G, problems.at("of"))
         if self.heading is not None and n == 2:
