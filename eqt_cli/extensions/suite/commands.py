@@ -52,9 +52,11 @@ def main(ctx: typer.Context, json: options.Json = False) -> None:
         return
     from eqt_cli.extensions.suite.archive import shipped_archive
     from eqt_cli.extensions.suite.overview import overview_record, overview_table
+    from eqt_cli.extensions.suite.suite import current
     from eqt_cli.extensions.suite.tasks import all_tasks
 
-    tasks, archive = all_tasks(), shipped_archive()
+    tasks = all_tasks()
+    archive = current(shipped_archive(), tasks, "the archive")
     if json:
         return output.print_json(overview_record(tasks, archive))
     output.print_text(*overview_table(tasks, archive))

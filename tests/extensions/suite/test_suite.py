@@ -1,5 +1,6 @@
 """The suite: its tasks, the laws that it takes, its files, and what it says of laws."""
 
+import json
 import re
 from pathlib import Path
 
@@ -125,6 +126,31 @@ def small(tmp_path, monkeypatch):
     monkeypatch.setattr(archive, "ARCHIVE", tmp_path / "archive.zip")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.mark.ci("prints every format of the tables")
+def test_judged_laws_are_shown_in_every_format(small, invoke):
+    whole = archived(gt=1.0, good=0.5, bad=3.0)
+    whole.tasks["quad_att"] = read_task(small / "tasks" / "quad_att.yaml").digest
+    archive.write(small / "archive.zip", whole)
+    (row,) = json.loads(invoke("suite", "--json").stdout)["tasks"].values()
+    assert (row["laws"], row["equal"]) == ("attitude", {"effort": 0.75})
+    told = invoke("suite", "show").stdout
+    assert re.search(r"GOOD +0\.5\d* \[.*better\n", told)
+    assert r"\toprule" in invoke("suite", "show", "--format", "latex").stdout
+    assert "good,quad_att,better,0.5" in invoke("suite", "show", "--format", "csv").stdout
+    assert '<td class="better">better</td>' in invoke("suite", "show", "--format", "html").stdout
+    assert json.loads(invoke("suite", "show", "--json").stdout)["overall"][1]["tasks"] == "all"
+    assert "no law 'godo'" in invoke("suite", "show", "--laws", "godo", code=2).stderr
+
+
+@pytest.mark.ci("draws a figure")
+def test_the_forest_has_a_row_for_each_law(small, invoke):
+    whole = archived(gt=1.0, good=0.5, bad=3.0)
+    whole.tasks["quad_att"] = read_task(small / "tasks" / "quad_att.yaml").digest
+    archive.write(small / "archive.zip", whole)
+    invoke("suite", "show", "--figure", "forest.svg")
+    assert all(name in Path("forest.svg").read_text() for name in ("GOOD", "BAD", "quad_att"))
 
 
 LAW = """\
