@@ -117,7 +117,8 @@ class Dryden(Drag):
             return
         n, here = len(self.current or ()), problems.at("current")
         if not n or any(isinstance(x, str) for x in self.current or ()):
-            here.add(f"expected the mean wind as numbers, m/s, got {self.current}")
+            got = "missing" if self.current is None else f"got {self.current}"
+            here.add(f"expected the mean wind as numbers, m/s, {got}; for example [4, 0, 0]")
             return
         for name, least in (("std", 0.0), ("length", 1e-3)):
             values, at = getattr(self, name), problems.at(name)

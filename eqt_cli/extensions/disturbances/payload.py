@@ -11,7 +11,7 @@ from eqt_cli.base.option_types import Positive, Real, Scale, Unit
 from eqt_cli.components.forces import GRAVITY, Force, Restoring
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.motions import RigidMotion
 from eqt_cli.components.vehicle_parts import Number, Presence, Timed, TrueInertia
 from eqt_cli.numbers.jets import value_and_derivative
@@ -139,7 +139,7 @@ class Payload(Timed, Force):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without a position, and a place or a time that is none."""
-        if not isinstance(G, EuclideanGroup):
+        if not rigid_motions(G):
             problems.add(f"needs group SE2 or SE3, got {G.name}")
             return
         for name in ("at", "up"):

@@ -15,7 +15,7 @@ from eqt_cli.base.errors import KeyPath
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
-from eqt_cli.components.vehicle_parts import lowest
+from eqt_cli.components.vehicle_parts import highest, lowest
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.proofs.authority import members_of
@@ -34,6 +34,9 @@ BY_WHEELS = {"momentum": 30.0, "limit": 50.0}
 CubeSat has 1 rad/s and 0.1 rad/s², a cube that balances on its corner 10 and 20."""
 
 
+MOST_SHARE = 5.0
+"""Share of its commanded thrust that no rotor gives."""
+
 UNLIKE_BODIES = 100.0
 """How many times the inertia of the model, or what part of it, is that of another body."""
 
@@ -41,11 +44,23 @@ UNLIKE_BODIES = 100.0
 def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield all of them, and those on what limits leave, with their keys."""
     yield from _behind_the_end(experiment)
+    yield from _in_per_cent(experiment)
     yield from _without_effect(experiment)
     yield from _unread_momentum(experiment)
     yield from (slips := [*_of_another_unit(experiment)])
     wrong = {key[1] for key, _ in slips}  # with such numbers, what is left means nothing
     yield from (remark for remark in on_authority(experiment, shown) if remark[0][1] not in wrong)
+
+
+def _in_per_cent(experiment: Experiment) -> Placed:
+    """Yield shares of thrust that can only be meant as per cent."""
+    for index, part in enumerate(experiment.config.actuators or ()):
+        shares = getattr(part, "efficiency", None)
+        most = max(map(highest, shares if isinstance(shares, list) else [shares or 0.0]))
+        if most > MOST_SHARE:
+            meant = f"if per cent were meant, write {most / 100:g}"
+            said = f"is {most:g}, a share of the commanded thrust; {meant}"
+            yield (ACTUATORS, index, "efficiency"), said
 
 
 def _behind_the_end(experiment: Experiment) -> Placed:

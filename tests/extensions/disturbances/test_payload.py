@@ -8,6 +8,8 @@ from said import mentions
 from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.extend import group_named
+from eqt_cli.extensions.disturbances.payload import Payload
 
 pytestmark = pytest.mark.needs("disturbances")
 J, M, MASS, POINT, SINCE, G = np.diag([0.02, 0.03, 0.04]), 0.8, 0.3, [0.1, -0.05, -0.2], 0.37, 9.81
@@ -176,6 +178,12 @@ def test_what_is_no_payload_is_refused(experiment_of, options, said):
     forces = {"forces": [yaml.safe_load(f"{{kind: payload, {options}}}")]}
     text = yaml.safe_dump(FREE | {"plant": forces})
     assert mentions(refusal(ConfigError, experiment_of, text), f"plant.forces[0].{said}")
+
+
+def test_a_payload_needs_a_place(noted):
+    for name in ("SO3", "R3", "SE23"):
+        said = f"needs group SE2 or SE3, got {name}"
+        assert noted(Payload(0.1), group_named(name)) == [("", said)]
 
 
 def test_a_mass_that_leaves_keeps_no_momentum(experiment_of):

@@ -51,6 +51,12 @@ def told(config: dict[str, Any]) -> list[str]:
     ("config", "key", "word"),
     [
         (changed(QUAD, fails={"rotor": 1, "at": 30.0}), "actuators[0].fails.at", "never fails"),
+        (changed(QUAD, efficiency=[90, 100, 100, 100]), "actuators[0].efficiency", "write 1"),
+        (
+            changed(QUAD, efficiency=0.8, efficiency_from={"uniform": [30, 40]}),
+            "actuators[0].efficiency_from",
+            "loses thrust",
+        ),
         (changed(QUAD, time_constant=40.0), "actuators[0].time_constant", "'40 ms'"),
         (changed(QUAD, high=HIGH * 1e5), "actuators[0].high", "accelerate"),
         (changed(QUAD, thrusters=quad_by(1.0)), "actuators[0].thrusters", "moment_constant"),
