@@ -310,7 +310,8 @@ def check(
         if label not in content.laws:
             raise EqtError(f"{path}: has no law '{label}'{suggestion(label, content.laws)}")
     named = None if law_file is None else read_law(law_file)
-    reference = current(archives.shipped_archive(), chosen_tasks([]), "the archive").laws.get(REFERENCE)
+    known = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
+    reference = known.laws.get(REFERENCE)
     reference = content.laws.get(REFERENCE, reference)
     for judged_law in content.laws.values():
         if labels and judged_law.label not in labels:
