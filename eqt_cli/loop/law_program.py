@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.errors import TraceError
 from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller, output_units, outputs, stored_numbers
@@ -274,6 +275,10 @@ def _numbers_of_law(law: Controller, lengths: Mapping[str, int]) -> tuple[Entry,
 
 
 def _flat(memory: tuple[Entry, ...], values: Arrays) -> dict[str, Array]:
+    for name in (entry.source for entry in memory):
+        if name not in values:
+            said = f"a law returns its memory, by name, from answer and initial_memory: no {name!r}"
+            raise TraceError(said)
     return {MEMORY + entry.name: values[entry.source][0] for entry in memory}
 
 

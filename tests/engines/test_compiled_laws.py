@@ -14,6 +14,7 @@ from eqt_cli.base.errors import TraceError
 from eqt_cli.components.inertia import FactoredInertia
 from eqt_cli.components.laws import Controller, EqT, controllers
 from eqt_cli.extend import Native, Problem, SolveIvp, Status, TorqueReference, group_named
+from eqt_cli.loop.law_program import law_program
 
 pytestmark = pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 
@@ -192,6 +193,19 @@ def test_message_of_a_torque_of_the_wrong_shape():
     message = trace_error(Own(lambda s: np.concatenate([s.V, s.V])))
     assert message.startswith("the closed loop cannot be compiled: ValueError: ")
     assert message.endswith(WAY_OUT)
+
+
+class Forgetful(Own):
+    def memory(self, G):
+        return {"estimate": 3}
+
+    def answer(self, s, period):
+        return -s.V, {}
+
+
+def test_message_of_an_answer_without_the_memory_of_the_law():
+    with pytest.raises(TraceError, match=r"from answer and initial_memory: no 'estimate'"):
+        law_program(closed_loop(SO3, Forgetful()))
 
 
 # Runs that fail -----------------------------------------------------------------------------------
