@@ -53,7 +53,7 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
     elif decades < 2:
         axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
     if decades < 2:
-        axis.set_major_formatter(ticker.FuncFormatter(_number))
+        axis.set_major_formatter(ticker.FuncFormatter(number_text))
     axis.set_minor_formatter(ticker.NullFormatter())
 
 
@@ -123,12 +123,13 @@ def number_values(axes: Axes, values: Array) -> None:
     levels = np.unique(values)
     if len(levels) <= FEW:
         axes.xaxis.set_minor_locator(ticker.NullLocator())
-        axes.set_xticks(levels, [_number(level) for level in levels])
+        axes.set_xticks(levels, [number_text(level) for level in levels])
     elif axes.get_xscale() == "log":
         scale_log(axes, "x", levels)
 
 
-def _number(value: float, _position: int | None = None) -> str:
+def number_text(value: float, _position: int | None = None) -> str:
+    """Return a number with at most four digits, with a power of ten in mathematics."""
     mantissa, _, exponent = f"{value:.4g}".partition("e")
     if exponent:
         return rf"${mantissa} \times 10^{{{int(exponent)}}}$"

@@ -250,10 +250,10 @@ ENLARGED: dict[Width, float] = {"column": 1.0, "page": 1.0, "slide": 18 / 8}
 class _Widths(dict[Width, float]):
     """Widths by name; while a style has a width of its own, this one."""
 
-    own: ContextVar[float | None] = ContextVar("own", default=None)
+    present: ContextVar[float | None] = ContextVar("present", default=None)
 
     def __getitem__(self, width: Width) -> float:
-        return self.own.get() or super().__getitem__(width)
+        return self.present.get() or super().__getitem__(width)
 
 
 WIDTHS = _Widths({"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]})
@@ -413,11 +413,11 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
 @contextmanager
 def _as_wide(style: Style) -> Iterator[None]:
     """Give a layout the width of the paper for a while."""
-    token = WIDTHS.own.set(style.inches)
+    token = WIDTHS.present.set(style.inches)
     try:
         yield
     finally:
-        WIDTHS.own.reset(token)
+        WIDTHS.present.reset(token)
 
 
 @contextmanager

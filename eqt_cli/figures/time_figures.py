@@ -17,7 +17,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import scale_norm, spans_decade
+from eqt_cli.figures.cells import number_text, scale_norm, spans_decade
 from eqt_cli.figures.figure import (
     MOST,
     NORMS,
@@ -405,6 +405,8 @@ _SEEN = 2.0
 _BRIEF, _SPIKE = 0.02, 0.75
 """Share of the samples of a row that do not set its scale where they lie outside of the others by
 more than this share of their range."""
+_WORTH = 2.0
+"""Least range of all samples, over that of the scale without its peaks, for which they leave it."""
 _LEAST_SHADE = 0.02
 """Least width of the shading at a limit, as a share of the time: less is not seen."""
 Limits = tuple[Array, Array] | None
@@ -496,7 +498,11 @@ class Commands(Panelled, OverTime):
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
-            if signal == "torque" and name != _CLOSELY and _bound_spikes(rows[name].values()):
+            if (
+                signal == "torque"
+                and name != _CLOSELY
+                and _bound_spikes(rows[name].values(), dict(runs.axes)[name])
+            ):
                 kinds.add("spike")
         self._add_legend(drawing, runs, kinds)
         if signal not in ("torque", LAW_OUTPUT) and len(wanted) > _FEW:
@@ -664,9 +670,11 @@ def _name_at_right(rows: Sequence[Sequence[Axes]], names: Sequence[str], scale: 
     name_scale(rows[len(rows) // 2][0], scale)
 
 
-def _bound_spikes(panels: Iterable[Axes]) -> bool:
+def _bound_spikes(panels: Iterable[Axes], unit: str) -> bool:
     """Set the scale that panels share by what lasts; write a brief peak beyond it as a number."""
     curves = {axes: [np.asarray(x.get_ydata(), float) for x in axes.lines] for axes in panels}
+    for axes, drawn in curves.items():
+        drawn += [np.asarray(x.get_paths()[0].vertices)[:, 1] for x in axes.collections]
     sampled = np.concatenate([y for of in curves.values() for y in of if len(y) > 2])
     seen = sampled[np.isfinite(sampled)]
     if not seen.size:
@@ -678,15 +686,17 @@ def _bound_spikes(panels: Iterable[Axes]) -> bool:
     if not (seen.min() < low - room or seen.max() > high + room) or room == 0:
         return False
     bottom, top = max(seen.min(), low - room), min(seen.max(), high + room)
+    if np.ptp(seen) < _WORTH * (top - bottom):
+        return False
     look: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "fontsize": "small"}
     for axes, drawn in curves.items():
         axes.set_ylim(bottom, top)
         peaks = [float(f(y[np.isfinite(y)])) for f in (np.max, np.min) for y in drawn if len(y) > 2]
-        if max(peaks, default=0.0) > top:
-            axes.annotate(significant(max(peaks), 2), (0.97, 0.95), va="top", **look)
-        if min(peaks, default=0.0) < bottom:
-            text = significant(min(peaks), 2).replace("-", "−")
-            axes.annotate(text, (0.97, 0.05), va="bottom", **look)
+        largest = {"top": max(peaks, default=0.0), "bottom": min(peaks, default=0.0)}
+        for place, peak in largest.items():
+            if not bottom <= peak <= top:
+                text = f"{number_text(float(f'{peak:.2g}'))} {unit}"
+                axes.annotate(text, (0.97, 0.95 if place == "top" else 0.05), va=place, **look)
     return True
 
 

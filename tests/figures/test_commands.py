@@ -62,7 +62,7 @@ def test_a_brief_peak_does_not_set_the_scale_and_stands_as_a_number(flown, alter
     drawing = Commands().draw([altered(flown.path, torque=torque, command=command)])
     axes = {panel.get_label(): panel for panel in drawing.axes}
     assert 0.1 <= axes["ωx gt"].get_ylim()[1] < 0.3
-    assert [text.get_text() for text in axes["ωx gt"].texts] == ["30"]
+    assert [text.get_text() for text in axes["ωx gt"].texts] == ["30 N m"]
     assert not axes["ωx eqt"].texts and "brief peaks" in drawing.get_supxlabel()
     assert axes["ωx eqt"].get_ylim() == axes["ωx gt"].get_ylim()
 

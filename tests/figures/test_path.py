@@ -93,6 +93,26 @@ def test_a_path_on_the_sphere_is_that_of_the_body_axis(so3, opened, picture):
     assert (np.isfinite(near[:, 0]) >= (tips @ towards > 1e-9)).all()
 
 
+def test_a_path_that_winds_often_is_an_angle_over_time_unless_the_sphere_is_asked(
+    so3, altered, opened
+):
+    pose = opened(so3)["pose"].copy()
+    angle = np.linspace(0, 5 * np.pi, pose.shape[2])  # 2.5 turns, seen from outside of the axis
+    turn = np.zeros((*angle.shape, 3, 3))
+    turn[:, 0, 0], turn[:, 1, 1], turn[:, 2, 2] = 1, np.cos(angle), np.cos(angle)
+    turn[:, 2, 1], turn[:, 1, 2] = np.sin(angle), -np.sin(angle)
+    pose[0, 0] = turn
+    wound = altered(so3, pose=pose)
+    [axes] = PathFigure(controllers=["eqt"], runs=1).draw([wound]).axes
+    desired = wound["desired_pose"][:, :, 2]
+    away = np.degrees(np.arccos(np.clip((turn[..., 2] * desired).sum(-1), -1, 1)))
+    off = np.abs(np.linalg.norm(desired, axis=-1) - 1).max()  # which the two formulas see apart
+    assert off < 1e-4
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), away, atol=np.degrees(10 * off) + 1e-5)
+    [axes] = PathFigure(controllers=["eqt"], runs=1, view="sphere").draw([wound]).axes
+    assert axes.get_label() == "sphere 0"
+
+
 def test_an_error_on_the_sphere_is_that_of_the_axis_from_where_it_should_be(so3, opened, picture):
     """R R_dᵀ e_z, beside e_z itself."""
     results = opened(so3)

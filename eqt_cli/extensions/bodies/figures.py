@@ -50,6 +50,8 @@ _ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.42
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
 _MOST_SPHERES: dict[Width, int] = {"column": 8, "page": 16, "slide": 12}
 """Most laws with a sphere each."""
+_MOST_TURNS = 2.0
+"""Most turns around the sphere that a path can be followed through."""
 _MANY = 10
 """Most runs of a single law that are drawn by default."""
 _BODY = 0.045
@@ -98,7 +100,8 @@ class PathFigure(OverTime):
     view
         ``xy``, ``xz`` or ``yz``; ``planes``: x–y and x–z; ``space``: obliquely from above, with the
         shadow of the reference; ``sphere``: where a body axis points, pale on the far side.
-        Default: the plane of all paths, else ``planes``; without positions ``sphere``.
+        Default: the plane of all paths, else ``planes``; without positions ``sphere``, or the angle
+        from the reference over time where a path winds around it more than twice.
     axis
         Body axis of ``sphere``. Default: the axis of `task: point`, else ``z``.
     error
@@ -135,6 +138,9 @@ class PathFigure(OverTime):
         most = self.runs or (1 if len(runs.shown) > 1 else _MANY)
         unit, factor = runs.results[0].shown_in("", "m")
         paths = [self._flown(runs, law, view, most, factor) for law in runs.shown]
+        is_asked = self.view or self.colour == "error"
+        if view == "sphere" and not is_asked and max(map(_turns, paths)) > _MOST_TURNS:
+            return self._over_time(runs, width, paths)
         away = {
             path.law.label: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
             for path in paths
@@ -211,6 +217,24 @@ class PathFigure(OverTime):
             raise runs.error("draws bodies at positions; leave out the option 'bodies'")
         return view
 
+    def _over_time(self, runs: ShownRuns, width: Width, paths: Sequence[Flown]) -> Drawing:
+        """Draw the angle between the body axis and that of the reference over time."""
+        drawing, panels = layout.sheet(width, [["angle"]], runs.span, runs.unit("time"))
+        for path in paths:
+            of_runs, look = errors_of(path, "sphere"), line_style(path.law.look)
+            look = thin_line(path.law.look, len(of_runs)) if len(of_runs) > 1 else look
+            for angles in of_runs:
+                panels["angle"].plot(runs.times(path.law), angles, label=path.law.label, **look)
+        layout.open_frame(panels["angle"])
+        layout.name_scale(panels["angle"], in_words("angle", "deg"))
+        handles = _laws(runs)
+        layout.add_legend(drawing, list(handles.values()), list(handles))
+        axis = f"the body axis {self._axis(runs)[0]}"
+        runs.remarks.append(f"Of {axis}, which winds too often for a sphere; view=sphere draws it.")
+        runs.note = f"{axis}, from the reference; too many turns for a sphere (view=sphere)"
+        drawing.set_label("The angle between a body axis and that of the reference over time.")
+        return drawing
+
     def _axis(self, runs: ShownRuns) -> tuple[str, Array]:
         """Return the body axis of the sphere, with its name."""
         pointing = None if self.axis else runs.results[0].described.axis
@@ -272,6 +296,12 @@ def errors_of(of: Flown, view: str) -> Array:
     """Return the distance of paths from the reference, or on the sphere the angle, deg."""
     distance: Array = np.linalg.norm(of.places - of.desired, axis=-1)
     return np.rad2deg(2 * np.arcsin(np.minimum(distance / 2, 1))) if view == "sphere" else distance
+
+
+def _turns(path: Flown) -> float:
+    """Return the length of the longest path on the sphere, in turns around it."""
+    steps = np.linalg.norm(np.diff(path.places, axis=1), axis=-1)
+    return float(np.nansum(steps, axis=-1).max() / (2 * np.pi))
 
 
 def _laws(runs: ShownRuns, **look: Any) -> dict[str, Artist]:
