@@ -273,7 +273,9 @@ def _fitted(columns: list[_Column], room: int | None) -> _SideBySide | None:
             return _SideBySide(columns, widths)
     folded = [column.folded for column in columns]
     least = [column.least for column in columns]
-    return _SideBySide(columns, _grown(least, folded, room)) if _total(least) <= room else None
+    if room is None or _total(least) > room:
+        return None
+    return _SideBySide(columns, _grown(least, folded, room))
 
 
 def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:
