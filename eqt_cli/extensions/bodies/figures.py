@@ -218,7 +218,7 @@ class PathFigure(OverTime):
         return view
 
     def _over_time(self, runs: ShownRuns, width: Width, paths: Sequence[Flown]) -> Drawing:
-        """Draw the angle between the body axis and that of the reference over time."""
+        """Draw the angle between the body axis and the axis of the reference over time."""
         drawing, panels = layout.sheet(width, [["angle"]], runs.span, runs.unit("time"))
         for path in paths:
             of_runs, look = errors_of(path, "sphere"), line_style(path.law.look)
@@ -232,7 +232,7 @@ class PathFigure(OverTime):
         axis = f"the body axis {self._axis(runs)[0]}"
         runs.remarks.append(f"Of {axis}, which winds too often for a sphere; view=sphere draws it.")
         runs.note = f"{axis}, from the reference; too many turns for a sphere (view=sphere)"
-        drawing.set_label("The angle between a body axis and that of the reference over time.")
+        drawing.set_label("The angle between a body axis and the axis of the reference over time.")
         return drawing
 
     def _axis(self, runs: ShownRuns) -> tuple[str, Array]:
