@@ -166,7 +166,7 @@ def make(
         penalty,
     )
     _expect(terminated is None or callable(terminated), "terminated", FUNCTION, terminated)
-    is_list = isinstance(privileged, list | tuple)
+    is_list = isinstance(privileged, list | tuple) and all(isinstance(x, str) for x in privileged)
     _expect(is_list, "privileged", "a list of names", privileged)
     is_type = isinstance(dtype, str | type | np.dtype)
     _expect(is_type and dtype in FLOATS, "dtype", "np.float32 or np.float64", dtype)

@@ -247,7 +247,7 @@ SLIPS = {
         "overrides: expected values by key, as {'control.period': 0.02}, got […]",
     ),
     "a number of a law": ({"controller": 3}, "controller: expected the label…got 3"),
-    "one number": ({"privileged": 3}, "privileged: expected a list of names, got 3"),
+    "one number": ({"privileged": [3]}, "privileged: expected a list of names, got [3]"),
     "a privilege": ({"privileged": ["mass"]}, "privileged: unknown name 'mass'…pose, velocity…"),
 }
 
