@@ -79,6 +79,7 @@ def live(
         reporter().remark(EqtWarning(f"{config}: the page is written without its sweep"))
         overrides["sweep"] = None
         study = load_experiment(config, overrides)
+    document.check_keys(study, keys or {})
     words = ["eqt", "run", config.name if config.is_absolute() else str(config)]
     for key, value in overrides.items():
         words += ["--set", f"{key}={flow(value)}"]

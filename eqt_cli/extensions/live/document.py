@@ -22,7 +22,7 @@ from eqt_cli.config.document import value_at
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
-from eqt_cli.extensions.live import sliders, wasm
+from eqt_cli.extensions.live import section, sliders, wasm
 from eqt_cli.extensions.live.programs import DIVERGED, LiveLoop, numbers_of
 from eqt_cli.extensions.live.sliders import Effect, Range, Slider
 from eqt_cli.extensions.report import summary
@@ -58,6 +58,20 @@ def runs_of(study: Study) -> int:
             drawn = 16 * ticks * loop.group.dimension
             runs = min(runs, MOST_DRAWN, max(1, int(DRAWN_BYTES / drawn)))
     return runs
+
+
+def check_keys(study: Study, keys: Mapping[str, Range]) -> None:
+    """Check the keys to move and their ranges before anything runs.
+
+    Raises
+    ------
+    EqtError
+        With the place of one that the configuration names.
+    """
+    for key, range_ in keys.items():
+        Slider.of(key, value_at(study.document.data, parse_key(key)), range_)
+    if not keys:
+        section.check(study.document)
 
 
 class LivePage:

@@ -50,6 +50,7 @@ def test_labels_are_text(folder, uncompiled):
         ({}, {"time.duration": "1:3"}, "time.duration"),
         ({}, {"gains.kq": "1:3"}, "gains.kq: a slider moves a number"),
         ({}, {"ensemble.seed": "0:9:1"}, "ensemble.seed"),
+        ({"live": "{gains.kq: [1, 3]}"}, {}, ": live.gains.kq: a slider moves a number"),
     ],
 )
 def test_what_cannot_be_moved_says_why(folder, uncompiled, more, keys, said):
