@@ -119,6 +119,7 @@ class LivePage:
             digest=self.study.digest[:12],
             laws=summary.laws(self.result),
             terms=self._terms(),
+            paper=str(self.result.attributes.get("references", "")),
             configuration="",
             stated=summary.stated_values(self.result),
             **self._values(keys),

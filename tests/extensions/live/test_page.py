@@ -33,6 +33,7 @@ def test_page_may_run_its_program_and_nothing_else(folder, uncompiled):
         "default-src 'none'; style-src 'unsafe-inline'; "
         "script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; img-src data:"
     )
+    assert "arXiv 2511.18800" in page  # a reader has the page alone
     assert not re.findall(r"(?:https?:)?//[\w.]+\.\w+/", page.replace("http://www.w3.org/", ""))
 
 
