@@ -577,7 +577,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         if name in self._numbers:
             return self.plant.parameters[:, self._numbers[name]].copy()
         if name not in self._signals:
-            self._signals[name] = signal_program(self.plant, name, "privileged")
+            self._signals[name] = signal_program(self.plant, name, "exactly")
         return self.plant.evaluate(*self._signals[name])[name]
 
     # The way to the verdict.

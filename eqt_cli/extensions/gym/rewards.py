@@ -149,7 +149,7 @@ def signal_program(plant: Plant, name: str, what: str) -> tuple[Any, Array]:
 class MetricReward:
     """Minus a stored metric: of a mean, its value in each step; of an integral, its part.
 
-    So the mean over an episode, or the sum, is minus the metric.
+    So the mean over the steps of an episode that take time, or the sum, is minus the metric.
 
     Attributes
     ----------
