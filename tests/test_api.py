@@ -132,6 +132,8 @@ def test_problems_of_overrides_are_named_as_python_has_them():
     ) == ("overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'")
     said = error_of(eqt_cli.load_experiment, PAPER, {"gains.kp": float("nan")}, kind=ConfigError)
     assert said == "overrides['gains.kp']: gains.kp: expected a finite number, got .nan"
+    said = error_of(eqt_cli.load_experiment, {"group": "SO3", "gains": {"kp": float("inf")}})
+    assert "gains.kp: expected a finite number, got .inf" in said
 
 
 @pytest.mark.parametrize(

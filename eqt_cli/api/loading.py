@@ -131,7 +131,7 @@ def document_from(
         return read_config(path, overrides, trust_plugins)
     # A mapping is converted to text first, so that it is checked like any other configuration.
     text = yaml_source.dump(
-        json.loads(yaml_source.flow({**config, "name": config.get("name") or "experiment"}))
+        json.loads(yaml_source.json_of({**config, "name": config.get("name") or "experiment"}))
     )
     source = yaml_source.load(text, "config", located=False)
     return overridden(Document(source, source.data, Place(Path.cwd())), overrides)

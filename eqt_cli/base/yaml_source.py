@@ -516,11 +516,16 @@ def dump(data: dict[str, Any]) -> str:
 
 def flow(value: Any) -> str:
     """Return a value as YAML on one line; JSON is valid YAML, but for NaN and Infinity."""
+    text = json_of(value)
+    if re.search("NaN|Infinity", text):
+        text = yaml.safe_dump(json.loads(text), default_flow_style=True, width=math.inf)
+    return text.removesuffix("...\n").strip()
+
+
+def json_of(value: Any) -> str:
+    """Return a value as JSON, with NaN and Infinity as Python reads them."""
     try:
-        text = json.dumps(value, default=_listed)
-        if re.search("NaN|Infinity", text):
-            text = yaml.safe_dump(json.loads(text), default_flow_style=True, width=math.inf)
-        return text.removesuffix("...\n").strip()
+        return json.dumps(value, default=_listed)
     except TypeError as error:
         raise EqtError(
             f"{error}: a configuration holds numbers, text, lists and mappings"
