@@ -113,7 +113,8 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
         notes = [f"better: the law that is {RULE}", *notes, *_notes(result, record, ())]
         return [replace(table, notes=notes)]
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
-    notes += _notes(result, record, tuned)
+    starts = [law["start"] for law in record["laws"] if law["over"]]
+    notes += _notes(result, record, tuned, starts)
     if len(tuned) > 1 and is_sampled(record):
         pairs = ratios.ratios(result, record, record["objectives"])
         notes = [*ratios.sentences(result, pairs, record["samples"]), *notes]
@@ -233,10 +234,13 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
     return TextTable("tuned", caption, header, blocks, list(_notes(result, record)))
 
 
-def _notes(result: Result, record: Record, of: Collection[str] | None = None) -> Iterator[str]:
+def _notes(
+    result: Result, record: Record, of: Collection[str] | None = None, starts: Collection[str] = ()
+) -> Iterator[str]:
     """Notes on values at the end of their range, cases, and failed or unsettled runs of some laws.
 
-    Without labels, those of all laws follow the size of the search.
+    Without labels, those of all laws follow the size of the search. Of starting gains only failed
+    runs are counted.
     """
     if of is None and "proved" in record:
         yield from record["proved"]["answer"]
@@ -262,7 +266,7 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
         worst = "from the case in which the mean over all runs is worst"
         meaning = worst if record["over_cases"] == "worst" else "the mean over the cases"
         yield f"Over the cases {listed(cases)}: each number is {meaning}."
-    yield from _counted(result, result.labels if of is None else of)
+    yield from _counted(result, result.labels if of is None else of, starts)
 
 
 def searched(record: Record) -> str:
@@ -286,15 +290,17 @@ def searched(record: Record) -> str:
     )
 
 
-def _counted(result: Result, labels: Collection[str]) -> Iterator[str]:
-    """Count the held-out runs that failed, or had not settled at the end."""
+def _counted(result: Result, labels: Collection[str], starts: Collection[str]) -> Iterator[str]:
+    """Count the held-out runs that failed, of starting gains too, or had not settled at the end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     if (unsettled == result.runs).all():
         yield f"All {result.runs} runs of every law are unsettled at the end; see time.duration."
         unsettled = 0 * unsettled
-    for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
+    with_starts = dict.fromkeys([*labels, *starts])  # means of both are without what failed
+    failed, late = result.failed.values(), "unsettled at the end"
+    for what, counts, of in (("failed", failed, with_starts), (late, unsettled, labels)):
         of_law = dict(zip(result.labels, counts, strict=True))
-        listed = [f"{result.title_of[x]}: {of_law[x]}" for x in labels if of_law[x]]
+        listed = [f"{result.title_of[x]}: {of_law[x]}" for x in of if of_law[x]]
         if listed:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 

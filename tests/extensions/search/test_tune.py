@@ -289,6 +289,20 @@ def test_a_best_value_within_a_hundredth_of_the_end_of_its_range_is_named(ends, 
     ] * bool(end)
 
 
+def test_failed_runs_of_starting_gains_are_counted_beside_their_mean():
+    """The means of both leave failed runs out."""
+    titles = {"gt": "GT", "start": "GT, start"}
+    result = SimpleNamespace(
+        censored=lambda name: np.array([[True, False], [True, True]]),
+        runs=2,
+        failed={"gt": 0, "start": 1},
+        labels=["gt", "start"],
+        title_of=titles,
+    )
+    notes = list(_notes(result, {"laws": [], "cases": []}, ["gt"], ["start"]))
+    assert notes == ["Runs failed, of 2: GT, start: 1.", "Runs unsettled at the end, of 2: GT: 1."]
+
+
 @pytest.mark.parametrize(
     ("runs", "said"),
     [
