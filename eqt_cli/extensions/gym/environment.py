@@ -29,10 +29,10 @@ from eqt_cli.extensions.gym.rewards import (
     FunctionReward,
     MetricReward,
     signal_program,
+    signals_of,
     source_of,
 )
 from eqt_cli.extensions.network.network import UNTRAINED
-from eqt_cli.loop.signals import existing
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.runs.batches import batches_at
 
@@ -563,13 +563,7 @@ class Environment(VectorEnv[Array, Array, Array]):
     @property
     def offered(self) -> list[str]:
         """Names of exact signals and of drawn numbers."""
-        loop = self.plant.loop
-        signals = [
-            name
-            for name, (signal, _) in existing(loop).items()
-            if signal.exists_for(loop) and (signal.stored_of(loop.vehicle) or not signal.only_there)
-        ]
-        return [*signals, *self._numbers]
+        return [*signals_of(self.plant.loop), *self._numbers]
 
     def exactly(self, name: str) -> Array:
         """Return a signal or drawn numbers of each environment now, by a name that is `offered`."""

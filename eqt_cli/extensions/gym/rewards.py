@@ -132,13 +132,23 @@ class Evaluated:
         return self._plant.evaluate(program, held)[name]
 
 
+def signals_of(loop: ClosedLoop) -> list[str]:
+    """Return the names of the signals that a loop has, and of the numbers of its law."""
+    signals = [
+        name
+        for name, (signal, _) in existing(loop).items()
+        if signal.exists_for(loop) and (signal.stored_of(loop.vehicle) or not signal.only_there)
+    ]
+    return [*signals, *outputs_of(loop)]
+
+
 def signal_program(plant: Plant, name: str, what: str) -> tuple[Any, Array]:
     """Return the program of a signal and its held numbers."""
     known = [*existing(plant.loop), *outputs_of(plant.loop)]
     if name not in known:
         raise EqtError(
             f"{what}: this loop has no signal '{name}'{suggestion(name, known)}; there are: "
-            f"{', '.join(sorted(known))}"
+            f"{', '.join(signals_of(plant.loop))}"
         )
     program = sampled(Signals((name,)), plant.loop, (plant.loop.state_length,))
     if program is None:
