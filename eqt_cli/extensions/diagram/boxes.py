@@ -30,6 +30,7 @@ from eqt_cli.components.blocks import (
     Noisy,
     Reading,
 )
+from eqt_cli.components.forces import Force
 from eqt_cli.components.laws import Controller, OuterLoop
 from eqt_cli.components.sensors import TIMING, Channel, DynamicSensor, Sensor
 from eqt_cli.components.vehicle import (
@@ -217,7 +218,9 @@ def boxes_of(block: Block, loop: Loop) -> list[Box]:
 def _law(block: Law, loop: Loop) -> list[Box]:
     law, gives = loop.loop.controller, _command(loop)
     boxes = _boxes_of_law(law, "law", loop)
-    more = [f"takes off {force.name}" for force in loop.loop.known_forces]
+    taken = tuple(f"takes off {name.replace('_', ' ')}" for name in _known(loop))
+    boxes[0] = dataclasses.replace(boxes[0], lines=(*boxes[0].lines, *taken))
+    more = []
     memory = law.memory(loop.loop.group)
     if memory:
         states = ", ".join(name.replace("_", " ") for name in memory)
@@ -226,6 +229,15 @@ def _law(block: Law, loop: Loop) -> list[Box]:
     last = boxes[-1]
     boxes[-1] = dataclasses.replace(last, lines=(*last.lines, *more), gives=gives)
     return [dataclasses.replace(box, blocks=(block.name,)) for box in boxes]
+
+
+def _known(loop: Loop) -> list[str]:
+    """Return the names of the forces that the law takes off; a cascade does so by itself."""
+    forces = [*loop.loop.known_forces]
+    for name in ("known", "across"):
+        own = getattr(loop.loop.controller, name, ())  # of a plugin, it may be anything
+        forces += [x for x in own if isinstance(x, Force)] if isinstance(own, tuple) else []
+    return [*dict.fromkeys(force.name for force in forces)]
 
 
 def _boxes_of_law(law: Controller, place: str, loop: Loop) -> list[Box]:
@@ -254,6 +266,8 @@ def _boxes_of_law(law: Controller, place: str, loop: Loop) -> list[Box]:
         box = dataclasses.replace(box, lines=("position loop", *lines), gives=("R_c, Ω_c",))
         boxes[0] = dataclasses.replace(boxes[0], lines=("attitude law", *boxes[0].lines))
         return [box, *boxes]
+    if inside and inner.commands == "torque":
+        boxes[-1] = dataclasses.replace(boxes[-1], gives=("τ",))
     return [*boxes, box]
 
 
@@ -328,8 +342,7 @@ def _burning(block: Burning, loop: Loop) -> list[Box]:
 
 @boxes_of.register
 def _forces(block: Forces, loop: Loop) -> list[Box]:
-    known = {force.name for force in loop.loop.known_forces}
-    boxes = []
+    known, boxes = _known(loop), []
     for k, force in enumerate(loop.loop.vehicle.forces):
         place = f"{FORCES}[{k}]"
         lines = loop.options(place, force)

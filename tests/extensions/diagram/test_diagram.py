@@ -63,6 +63,18 @@ def test_laws_are_told_apart_by_what_differs():
     assert "┌╌ sensors: exact ╌" in text and "acts continuously" in text
 
 
+def test_a_cascade_says_what_it_takes_off():
+    text = eqt_cli.diagram("crazyflie").text()
+    assert re.search(r"law: cascade.*takes off restoring.*─ Lee 2010", text, re.S)
+    assert text.count("the law knows such a force") == 1
+
+
+def test_the_torque_of_a_law_stands_before_what_rejects_for_it():
+    rejecting = {"kind": "indi", "law": "lee2010", "cutoff": "0.1 Hz"}
+    text = eqt_cli.diagram("satellite_breaks", {"controllers": [rejecting]}).text()
+    assert re.search(r"─ law: Lee 2010 .*┘\n│ +▼ τ\n│  ┌─ INDI ", text, re.S)
+
+
 @pytest.mark.ci("draws all shipped configurations")
 @pytest.mark.parametrize("name", shipped.names())
 def test_a_shipped_configuration_has_all_its_parts_in_the_diagram(name):
