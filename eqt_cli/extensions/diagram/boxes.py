@@ -235,8 +235,8 @@ def _known(loop: Loop) -> list[str]:
     """Return the names of the forces that the law takes off; a cascade does so by itself."""
     forces = [*loop.loop.known_forces]
     for name in ("known", "across"):
-        own = getattr(loop.loop.controller, name, ())  # of a plugin, it may be anything
-        forces += [x for x in own if isinstance(x, Force)] if isinstance(own, tuple) else []
+        taken = getattr(loop.loop.controller, name, ())  # of a plugin, it may be anything
+        forces += [x for x in taken if isinstance(x, Force)] if isinstance(taken, tuple) else []
     return [*dict.fromkeys(force.name for force in forces)]
 
 
