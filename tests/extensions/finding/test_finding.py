@@ -33,6 +33,7 @@ WORDS = {
     "rank my law": "howto/suite.md",
     "train a policy": "howto/train.md",
     "GPU": "howto/train.md",
+    "install": "install.md",
     "cluster": "howto/clusters.md",
     "autocompletion": "howto/editor.md",
     "YAML schema": "howto/editor.md",
