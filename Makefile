@@ -46,8 +46,8 @@ notebooks: $(VENV)/.stamp-base ## execute the notebooks of examples, and store t
 sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colour, grey, two colour blindnesses
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
-# Searches that results/suite holds are used again. ARGS='--laws eqt,gt --tasks quad_att' computes some only.
-suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: hours
+# Searches that results/suite holds are used again. ARGS='--laws eqt,gt --out part.zip' computes some only.
+suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: 10 CPU minutes
 	$(BIN)/eqt suite archive $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
 
@@ -250,7 +251,7 @@ def archive(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compute the archive anew: all its laws on all tasks, which takes an hour or more.
+    """Compute the archive anew: all its laws on all tasks, which takes 10 CPU minutes.
 
     Searches that the folder holds are used again.
 
@@ -260,13 +261,15 @@ def archive(
         --laws A,B  Only these laws.
         --tasks A,B  Only these tasks.
     Result
-        --out FILE  File of the archive. Default: that of the installed eqt.
+        --out FILE  File of the archive. Needed for a part. Default: that of the installed eqt.
         --folder DIR  Folder of the searches. Default: results/suite.
     """
     from eqt_cli.extensions.suite import archive as archives
     from eqt_cli.extensions.suite import suite
     from eqt_cli.extensions.suite.tasks import chosen_tasks
 
+    if out is None and (laws or tasks):
+        raise EqtError("a part would replace the whole archive; name another file by --out")
     path, cores = out or archives.ARCHIVE, workers or options.cores()
     whole = suite.write_archive(_names(laws), _names(tasks), path, folder or suite.FOLDER, cores)
     _print(whole, chosen_tasks(_names(tasks)), TableFormat.TEXT, json=json)

@@ -81,18 +81,25 @@ def write_archive(
 ) -> Archive:
     """Judge the laws of the archive on the tasks of the suite, and write them into a file.
 
-    What `out` holds of earlier searches is used again.
+    What `out` holds of earlier searches is used again. Laws that fit no task are left out.
+
+    Raises
+    ------
+    EqtError
+        If a label or a task is unknown, or no law fits.
     """
     tasks, laws = chosen_tasks(names), shipped_laws()
     for label in labels:
         if label not in laws:
             raise EqtError(f"no law '{label}' in the archive; there are: {', '.join(laws)}")
     chosen = [laws[label] for label in labels or laws]
+    fitting = {law.label: {n: t for n, t in tasks.items() if not fits(law, t)} for law in chosen}
+    if not any(fitting.values()):
+        raise EqtError(f"{', '.join(fitting)}: fits none of the tasks: {', '.join(tasks)}")
     parts = [
-        judge_law(
-            law, {n: t for n, t in tasks.items() if not fits(law, t)}, out / law.label, workers
-        )
+        judge_law(law, fitting[law.label], out / law.label, workers)
         for law in chosen
+        if fitting[law.label]
     ]
     whole = joined(parts)
     archives.write(path, whole)

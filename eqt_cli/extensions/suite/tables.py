@@ -12,6 +12,7 @@ from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, digest_of
 from eqt_cli.extensions.suite.verdicts import (
     EQUAL,
     FAILS,
+    MOST_SPENT,
     VERDICTS,
     Overall,
     TaskVerdict,
@@ -61,6 +62,11 @@ def task_table(
         "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
         "law spends on held-out runs, as a share of what all should spend",
     ]
+    if any(judgement.verdict == FAILS for judgement in of_tasks):
+        notes.append(
+            f"fails: no ratio, since runs failed, no gains spend so little, or the law spends more "
+            f"than {MOST_SPENT} of the effort"
+        )
     if any(judgement.judged.is_stated for judgement in of_tasks):
         notes.append("stated: gains of the user, which the suite did not tune")
     return TextTable(

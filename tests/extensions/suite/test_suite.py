@@ -101,6 +101,19 @@ def test_a_law_is_better_by_its_ratio_and_fails_without_one():
     assert np.isnan(means["bad"])
 
 
+def test_a_part_of_the_archive_needs_a_law_that_fits_and_a_file_of_its_own(tmp_path, invoke):
+    part = ("suite", "archive", "--laws", "quaternion", "--tasks", "robot")
+    refused = invoke(*part, "--out", tmp_path / "a.zip", code=2)
+    assert "quaternion: fits none of the tasks: robot" in refused.stderr
+    before = archive.ARCHIVE.read_bytes()
+    assert "name another file by --out" in invoke(*part, code=2).stderr
+    assert archive.ARCHIVE.read_bytes() == before
+
+
+def test_the_archive_has_the_laws_that_are_computed_for_it():
+    assert set(archive.shipped_archive().laws) == set(shipped_laws())
+
+
 @pytest.mark.ci("tunes a law on a task")
 def test_the_archive_is_computed_anew_to_the_bit(tmp_path):
     """Gains and held-out errors of one law on the shortest task of the archive."""
