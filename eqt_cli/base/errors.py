@@ -8,12 +8,12 @@ ESC as four characters from a backslash to 1b.
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
-from typing import Self, TypeAlias
+from typing import Final, Self, TypeAlias
 
 
 def escape(character: str) -> str:
@@ -209,9 +209,19 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"; did you mean '{nearest}'?" if nearest else ""
 
 
+SAME_MEANING: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("at", "begin", "begins", "from", "start", "starts"), "since"),
+    **dict.fromkeys(("end", "ends", "release", "released", "released_at", "stop"), "until"),
+    "duration": "lasts",
+}
+"""Words for when something acts, and those that configurations have for them."""
+
+
 def closest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant; None if none is close."""
     by_lower = {name.lower(): name for name in known}
+    if (same := SAME_MEANING.get(word.lower())) in by_lower:
+        return by_lower[same]
     close = get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6)
     return by_lower[close[0]] if close else None
 

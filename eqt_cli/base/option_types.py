@@ -34,6 +34,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from eqt_cli.base.errors import (
     MAX_PROBLEMS,
+    SAME_MEANING,
     ConfigError,
     ExpressionError,
     InputError,
@@ -527,7 +528,8 @@ def _note_errors(
     noted = (*expected, *messages, *unknown)
     above = {path[:depth] for path in noted for depth in range(len(path))} | messages.keys()
     messages |= {
-        path: _unexpected(alternatives, reduce(getitem, path, data), path)
+        path: _unexpected(alternatives, value := reduce(getitem, path, data), path)
+        + _time_instead(path, value, kind, common)
         for path, alternatives in expected.items()
         if path not in above  # a member of a union may fail deeper in its value
     }
@@ -537,6 +539,14 @@ def _note_errors(
             problems.at(*path).add(message)
     for path in unknown:
         problems.at(*path).add(_unknown_at(path, kind, common))
+
+
+def _time_instead(path: KeyPath, value: Any, kind: Any, common: tuple[str, ...]) -> str:
+    """Return the key of a time that a number at a key of another meaning was probably for."""
+    key = SAME_MEANING.get(str(path[-1])) if path else None
+    is_time = isinstance(value, int | float) and not isinstance(value, bool)
+    known = known_keys(kind, path[:-1], common) if key and is_time else {}
+    return f"; did you mean '{key}'?" if key in known else ""
 
 
 def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> set[KeyPath]:
@@ -567,7 +577,10 @@ def _unexpected(alternatives: list[str], value: Any, path: KeyPath) -> str:
     expected = listed([*(text.replace(" or ", ", ") for text in earlier), last], "or")
     if expected == _EXPECTED["list_type"] and isinstance(value, str) and len(path) <= 2:
         expected += f", such as [{value}]"
-    return f"expected {expected}, got {shown(value)}"
+    said = f"expected {expected}, got {shown(value)}"
+    if "{uniform:" in expected and isinstance(value, list) and len(value) == 2:
+        said += f"; write {{uniform: {shown(value)}}}"
+    return said
 
 
 def _expectation(code: str, context: Mapping[str, Any]) -> str:

@@ -73,6 +73,11 @@ def test_what_acts_between_two_times_is_the_same_force_there(experiment_of, forc
         ({"since": 2, "until": 1}, "until: expected more than 2 s…got 1 s"),
         ({"since": {"uniform": [3, 1]}}, "since.uniform: expected the smaller number first…"),
         ({"since": "soon"}, "since: expected a number…'soon'…"),
+        ({"since": [1, 3]}, "since: expected a number…got [1, 3]; write {uniform: [1, 3]}"),
+        ({"at": 2}, "at: expected 'centre' or 'line', got 2; did you mean 'since'?"),
+        ({"from": 2}, "from: unknown key; did you mean 'since'?"),
+        ({"since": 1, "end": 2}, "end: unknown key; did you mean 'until'?"),
+        ({"since": 1, "duration": 2}, "duration: unknown key; did you mean 'lasts'?"),
     ],
 )
 def test_times_that_are_none_are_refused(experiment_of, times, said):
