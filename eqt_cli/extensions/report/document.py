@@ -14,13 +14,13 @@ from markupsafe import Markup, escape
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import matrix, premises, remarks, text_tables
-from eqt_cli.analysis.maps import sweep_tables
+from eqt_cli.analysis.maps import sweep_tables, winners
 from eqt_cli.base.errors import EqtError, EqtWarning, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.report import summary
-from eqt_cli.extensions.report.opening import opening
+from eqt_cli.extensions.report.opening import opening, points_won
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.results.conclusion import conclusion_of, side_by_side
@@ -175,7 +175,7 @@ DEFAULT = (
 _BY_EFFORT = {"metric": "effort"}, "The same for the effort, the integral of the torque squared."
 
 SWEPT = (
-    Wanted("sweep", caption="The error by which laws are compared first; frames mark the best."),
+    Wanted("sweep", caption="The error by which laws are compared first."),
     Wanted("sweep", *_BY_EFFORT),
     Wanted("pareto"),
     Wanted("settled", {}, "The share of runs that settle, with 95 % intervals.", "settled"),
@@ -300,7 +300,7 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best opening looks many premises answer claims levels pairs others missing picker live "
+    "best won opening looks many premises answer claims levels pairs others missing picker live "
     "certificates doubts drawing"
 ).split()
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
@@ -353,6 +353,7 @@ def report(
         of_kind: dict[str, Any] = {"table": summary.point_table(result)}
         if not concluded.id and not refused:  # no means: one over all points means little
             of_kind["best"] = sweep_tables(result, SWEPT_METRICS)
+            of_kind["won"] = list(map(points_won, winners(result)[:1]))
     else:
         of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
         if not (concluded.figures or concluded.premise or refused):

@@ -19,8 +19,10 @@ from eqt_cli.analysis.comparison_tables import (
     too_few,
 )
 from eqt_cli.analysis.intervals import FEWEST, Word
+from eqt_cli.analysis.maps import Map
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import MARKS, fixed, listed
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
 
 _MOST_NAMED = 3
@@ -216,6 +218,21 @@ def _notes(comparison: Comparison, base: str) -> list[str]:
     if comparison.not_matched:
         notes.append("* Gains are not matched with those of the others.")
     return notes
+
+
+def points_won(wins: Map) -> str:
+    """Say how many points of a sweep each law wins by a number, the one with most first."""
+    name, points = Plain().name(wins.quantity), len(wins.cells)
+    counts = [(title, wins.wins(law)) for law, title in enumerate(wins.titles)]
+    won = sorted((x for x in counts if x[1]), key=lambda x: -x[1])
+    if not won:
+        fewest = f"; {wins.fewest} or more can decide" if wins.has_too_few_runs else ""
+        runs = f"With {wins.runs} runs at each point"
+        return f"{runs}, no law wins any of {points} points by its {name}{fewest}."
+    first = f"{won[0][0]} wins {won[0][1]} of {points} points by its {name}"
+    others = [f"{title} {count}" for title, count in won[1:]]
+    none = [f"{count} {word}" for word, count in wins.without_winners().items() if count]
+    return ", ".join([first, *others, *none]) + "."
 
 
 # The intervals ------------------------------------------------------------------------------------

@@ -1,14 +1,17 @@
 """The page of a sweep: its points with means over runs, the best of them, its figures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.analysis.maps import extreme_points
+from eqt_cli.analysis.maps import NOBODY, extreme_points, winners
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.reporting import significant
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.report.document import report
+from eqt_cli.extensions.report.opening import points_won
 from eqt_cli.extensions.report.summary import point_table
 
 
@@ -39,6 +42,14 @@ def test_every_point_of_every_controller_is_in_the_table(results):
     row = table["rows"][7]
     assert row[:2] == [1, 1]
     assert row[3 + place] == float(f"{results['effort'][1, 1].mean():.6g}")
+
+
+def test_a_sweep_opens_with_the_points_that_laws_win(results):
+    wins = winners(results)[0]
+    won = [replace(wins.cells[0], winner=law, alike=False) for law in (1, 1, NOBODY, 3)]
+    said = points_won(replace(wins, cells=won, without_winner="undecided"))
+    assert said == "GT wins 2 of 4 points by its mean attitude error, asym 1, 1 undecided."
+    assert points_won(replace(wins, cells=won[2:3])).startswith("With 5 runs at each point, no law")
 
 
 def test_a_point_at_which_runs_failed_counts_them_and_has_no_means(results, monkeypatch):
