@@ -229,9 +229,11 @@ class PathFigure(OverTime):
         layout.name_scale(panels["angle"], in_words("angle", "deg"))
         handles = _laws(runs)
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        axis = f"the body axis {self._axis(runs)[0]}"
-        runs.remarks.append(f"Of {axis}, which winds too often for a sphere; view=sphere draws it.")
-        runs.note = f"{axis}, from the reference; too many turns for a sphere (view=sphere)"
+        axis = self._axis(runs)[0]
+        runs.remarks.append(
+            f"Of the body axis {axis}, which winds too often for a sphere; view=sphere draws it."
+        )
+        runs.note = f"of {axis}, from the reference; too many turns for a sphere"
         drawing.set_label("The angle between a body axis and the axis of the reference over time.")
         return drawing
 
