@@ -87,7 +87,7 @@ class Prefixed(ticker.ScalarFormatter):
 
     def __init__(self, exponent: int) -> None:
         super().__init__()
-        self.factor = 10.0**-exponent
+        self.factor, self.prefix = 10.0**-exponent, _PREFIXES[exponent]
         self.set_powerlimits((exponent, exponent))
 
     def get_offset(self) -> str:

@@ -18,7 +18,7 @@ from eqt_cli.base.registry import Component, Registry, blamed
 from eqt_cli.base.stored import LAW_OUTPUT, MIXED
 from eqt_cli.components.groups import MatrixLieGroup, known_group
 from eqt_cli.components.initial_states import Stream, generator_at
-from eqt_cli.components.matrix_groups import turn_of_distance
+from eqt_cli.components.matrix_groups import distance_of_turn, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import ROUNDING, prefix_units
@@ -176,6 +176,26 @@ class ShownRuns(ShownControllers):
             return float(np.degrees(turn_of_distance(np.array(largest))))
         largest = np.degrees(largest) if degrees and self._turns_at(signal) else largest
         return largest**2 if signal == "lyapunov" else largest
+
+    def settled_below(self, signal: str, *, degrees: bool) -> float:
+        """Return the threshold of `errors` below which runs are settled; NaN where it has none."""
+        thresholds: list[Any] = [result.config.get("settling_threshold") for result in self.results]
+        below, parts = thresholds[0], self.results[0].described.parts
+        ends = zip(self.parts, parts, strict=True) if len(self.parts) == len(parts) else ()
+        part = {self.drawn_signal(f"pose_error{end}"): part for end, part in ends}.get(signal)
+        if part is None or below is None or any(other != below for other in thresholds):
+            return np.nan
+        if isinstance(below, Mapping):
+            below = below.get(part.name, np.nan)
+            if self.results[0].described.axis:
+                return float(np.degrees(below)) * self.results[0].factor(signal)
+            below = distance_of_turn(below) if part.turns else below
+        elif len(parts) > 1:
+            return np.nan
+        if signal == "attitude_angle" or (degrees and signal in self.attitude_errors):
+            _, factor = self.results[0].shown_in("", "deg")
+            return float(np.degrees(turn_of_distance(np.array(below))) * factor)
+        return float(below) * self.results[0].factor(signal)
 
     @cached_property
     def attitude_errors(self) -> list[str]:

@@ -25,6 +25,9 @@ _TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
 """Largest height of all panels, in: 124 mm with legend and remarks."""
 _GREY = 0.25
 """Share of ink in the medians of the other laws."""
+_LIMIT = 0.7
+"""Share of ink in the dashes of a limit."""
+_SETTLED = "thin dashes: threshold of settled"
 _MOST_SAMPLES = 100
 """About how many samples of a grey median are drawn: all of many laws would fill a page of HTML."""
 _CLOSING = 0.1
@@ -86,8 +89,30 @@ def draw_laws(
     by = "mean" if is_torque else "closing error"
     runs.remarks.append(f"Sorted by {by}; {runs.count()}.")
     runs.note = ", ".join(filter(None, [f"sorted by {by}, {runs.count()}", runs.note]))
+    for name in signals:
+        mark_settled(runs, name, [panels[f"{name} of {label}"] for label in order], degrees)
     drawing.set_label("Median and quartiles over runs, a panel for each law; grey: the others.")
     return drawing
+
+
+def limit_look() -> dict[str, Any]:
+    """Return the look of a limit."""
+    return {"color": ink(_LIMIT), "linewidth": 0.6, "linestyle": (0, (6, 2)), "zorder": 1.5}
+
+
+def mark_settled(runs: ShownRuns, signal: str, panels: Sequence[Axes], degrees: bool) -> None:
+    """Draw the error below which a run is settled, and say so, where a scale reaches it."""
+    below = runs.settled_below(signal, degrees=degrees)
+    for axes in panels:
+        low, high = axes.get_ylim()
+        if low < below < high:
+            across = axes.get_yaxis_transform()
+            ends = [[(0, below), (1, below)]]
+            line = LineCollection(ends, transform=across, label=NO_NUMBERS, **limit_look())
+            axes.add_collection(line, autolim=False)
+            if _SETTLED not in runs.note:
+                runs.remarks.append(f"{_SETTLED[0].upper()}{_SETTLED[1:]}.")
+                runs.note = ", ".join(filter(None, [runs.note, _SETTLED]))
 
 
 def _values(runs: ShownRuns, signal: str, degrees: bool) -> dict[str, Array]:

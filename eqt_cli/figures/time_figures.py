@@ -17,7 +17,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import number_text, scale_norm, spans_decade
+from eqt_cli.figures.cells import Prefixed, number_text, prefix_units, scale_norm, spans_decade
 from eqt_cli.figures.figure import (
     MOST,
     NORMS,
@@ -51,7 +51,7 @@ from eqt_cli.figures.layout import (
     open_frame,
     sheet,
 )
-from eqt_cli.figures.many_laws import draw_laws
+from eqt_cli.figures.many_laws import draw_laws, limit_look, mark_settled
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink, line_style
 from eqt_cli.results.summary import repeats
@@ -77,8 +77,9 @@ class Summary(Panelled, OverTime):
     The function is left out where laws have different ones, which cannot be compared. The shading
     holds the middle half of the runs of the first two laws. Scales are logarithmic where medians
     span two decades; they end a decade below the medians, or at the error of the solver, and ten
-    times above all other laws where a law diverges. Of more than six laws, the first quantity is
-    drawn, a panel for each law, before the medians of the others.
+    times above all other laws where a law diverges. Thin dashes mark the threshold of `settled`. Of
+    more than six laws, the first quantity is drawn, a panel for each law, before the medians of the
+    others.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -155,6 +156,7 @@ class Summary(Panelled, OverTime):
             if not self.printed:
                 open_frame(axes)
                 layout.add_title(axes, _title(runs, signal))
+                mark_settled(runs, signal, [axes], degrees)
         if rows and self.printed:
             for signal, part in zip(rows[0], parts, strict=True):
                 layout.add_title(panels[signal], part_name(part))
@@ -222,7 +224,7 @@ def _draw_difference(axes: Axes, runs: ShownRuns, signal: str, degrees: bool) ->
     """Draw median and quartiles of the second law minus the first, run by run."""
     first, second = runs.shown
     errors = [runs.errors(signal, e, degrees=degrees) for e in (second, first)]
-    axes.axhline(0.0, **_limit())
+    axes.axhline(0.0, **limit_look())
     draw_middle(axes, runs.times(second), errors[0] - errors[1], second, "quartiles")
     open_frame(axes)
     layout.add_title(axes, f"{second.title} − {first.title}")
@@ -486,7 +488,7 @@ class Commands(Panelled, OverTime):
             axes[_CLOSELY] = axes[fastest]
             runs.remarks.append("Last row: the fastest of them, closely.")
         drawing, rows = self._panels(runs, width, places)
-        kinds: set[str] = set()
+        kinds, peaks = set[str](), dict[tuple[Axes, float], str]()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name, k in places.items():
             name_scale(next(iter(rows[name].values())), axes[name])
@@ -498,12 +500,12 @@ class Commands(Panelled, OverTime):
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
-            if (
-                signal == "torque"
-                and name != _CLOSELY
-                and _bound_spikes(rows[name].values(), dict(runs.axes)[name])
-            ):
-                kinds.add("spike")
+            if signal == "torque" and name != _CLOSELY:
+                peaks |= dict.fromkeys(_bound_spikes(rows[name].values()), dict(runs.axes)[name])
+        prefix_units(drawing.axes)
+        for (panel, peak), unit in peaks.items():
+            _write_peak(panel, peak, unit)
+            kinds.add("spike")
         self._add_legend(drawing, runs, kinds)
         if signal not in ("torque", LAW_OUTPUT) and len(wanted) > _FEW:
             panels = [list(rows[name].values()) for name in wanted]
@@ -626,7 +628,7 @@ class Commands(Panelled, OverTime):
         if any(abs(end) <= reach for _, end in ends_there):
             kinds.add("limit")
             for number, end in ends_there:
-                axes.axhline(end, label=f"limit {number}", **_limit())
+                axes.axhline(end, label=f"limit {number}", **limit_look())
         elif len(ends_there) == 2 and reach:
             text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
             kinds.add(f"limits beyond some scales: {text}".replace("-", "−"))
@@ -650,7 +652,7 @@ class Commands(Panelled, OverTime):
         if "range" in kinds:
             handles["range within each drawn step"] = Patch(**_range({"color": alone}))
         if "limit" in kinds:
-            handles["limit"] = Line2D([], [], **_limit())
+            handles["limit"] = Line2D([], [], **limit_look())
         if "at a limit" in kinds:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
@@ -670,34 +672,42 @@ def _name_at_right(rows: Sequence[Sequence[Axes]], names: Sequence[str], scale: 
     name_scale(rows[len(rows) // 2][0], scale)
 
 
-def _bound_spikes(panels: Iterable[Axes], unit: str) -> bool:
-    """Set the scale that panels share by what lasts; write a brief peak beyond it as a number."""
+def _bound_spikes(panels: Iterable[Axes]) -> list[tuple[Axes, float]]:
+    """Set the scale that panels share by what lasts; return the brief peaks beyond it."""
     curves = {axes: [np.asarray(x.get_ydata(), float) for x in axes.lines] for axes in panels}
     for axes, drawn in curves.items():
         drawn += [np.asarray(x.get_paths()[0].vertices)[:, 1] for x in axes.collections]
     sampled = np.concatenate([y for of in curves.values() for y in of if len(y) > 2])
     seen = sampled[np.isfinite(sampled)]
     if not seen.size:
-        return False
+        return []
     low, high = np.quantile(seen, (_BRIEF / 2, 1 - _BRIEF / 2))
     ends = [y for of in curves.values() for y in of if len(y) == 2]  # limits
     low, high = (f([end, *map(f, ends)]) for f, end in ((np.min, low), (np.max, high)))
     room = _SPIKE * (high - low)
     if not (seen.min() < low - room or seen.max() > high + room) or room == 0:
-        return False
+        return []
     bottom, top = max(seen.min(), low - room), min(seen.max(), high + room)
     if np.ptp(seen) < _WORTH * (top - bottom):
-        return False
-    look: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "fontsize": "small"}
+        return []
+    beyond = []
     for axes, drawn in curves.items():
         axes.set_ylim(bottom, top)
         peaks = [float(f(y[np.isfinite(y)])) for f in (np.max, np.min) for y in drawn if len(y) > 2]
-        largest = {"top": max(peaks, default=0.0), "bottom": min(peaks, default=0.0)}
-        for place, peak in largest.items():
-            if not bottom <= peak <= top:
-                text = f"{number_text(float(f'{peak:.2g}'))} {unit}"
-                axes.annotate(text, (0.97, 0.95 if place == "top" else 0.05), va=place, **look)
-    return True
+        outer = (max(peaks, default=0.0), min(peaks, default=0.0))
+        beyond += [(axes, peak) for peak in outer if not bottom <= peak <= top]
+    return beyond
+
+
+def _write_peak(axes: Axes, peak: float, unit: str) -> None:
+    """Write a peak beyond a scale, in the unit of the scale."""
+    of_scale = axes.yaxis.get_major_formatter()
+    if isinstance(of_scale, Prefixed):
+        peak, unit = peak * of_scale.factor, f"{of_scale.prefix}{unit}"
+    is_above = peak > 0
+    text = f"{number_text(float(f'{peak:.2g}'))} {unit}".replace("-", "−")
+    place: dict[str, Any] = {"va": "top" if is_above else "bottom", "xycoords": "axes fraction"}
+    axes.annotate(text, (0.97, 0.95 if is_above else 0.05), ha="right", fontsize="small", **place)
 
 
 def _turns(values: Array) -> int:
@@ -726,10 +736,6 @@ def _ranges(values: Array) -> tuple[Array, Array, Array]:
 
 def _range(look: Mapping[str, Any]) -> dict[str, Any]:
     return {"facecolor": (look["color"], 0.35), "linewidth": 0}
-
-
-def _limit() -> dict[str, Any]:
-    return {"color": ink(_ANY), "linewidth": 0.6, "linestyle": (0, (6, 2)), "zorder": 1.5}
 
 
 def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:

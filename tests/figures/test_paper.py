@@ -9,6 +9,7 @@ from said import error_of, says
 
 from eqt_cli.base.store_writer import Variable
 from eqt_cli.extend import RunsFigure
+from eqt_cli.figures.layout import NO_NUMBERS
 from eqt_cli.figures.time_figures import Paper, Summary
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -161,10 +162,28 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
 def test_bands_are_of_the_two_laws_that_are_compared_first(so3, opened, picture):
     drawing = picture(Summary(), opened(so3))
     for axes in drawing.axes:
-        assert [band.get_label() for band in axes.collections] == ["eqt", "gt"]
-    assert drawing.get_supxlabel() == (
-        "Curves: median over 6 runs; bands: quartiles of EqT and GT."
-    )
+        drawn = [shape.get_label() for shape in axes.collections]
+        assert [label for label in drawn if label != NO_NUMBERS] == ["eqt", "gt"]
+    assert drawing.get_supxlabel().splitlines() == [
+        "Thin dashes: threshold of settled.",
+        "Curves: median over 6 runs; bands: quartiles of EqT and GT.",
+    ]
+
+
+def test_the_threshold_of_settled_is_where_the_error_is_drawn(so3, opened, altered, picture):
+    def thresholds(drawing):
+        return [
+            float(shape.get_segments()[0][0, 1])
+            for axes in drawing.axes
+            for shape in axes.collections
+            if shape.get_label() == NO_NUMBERS
+        ]
+
+    angle = np.degrees(2 * np.arcsin(0.05 / np.sqrt(8)))  # ‖I − R‖ = 2√2 sin(θ/2)
+    assert thresholds(picture(Summary(), opened(so3))) == [pytest.approx(angle)]
+    assert thresholds(picture(Summary(degrees=False), opened(so3))) == [pytest.approx(0.05)]
+    far = altered(so3, pose_error=opened(so3)["pose_error"] + 1.0)
+    assert not thresholds(Summary(log=True).draw([far]))
 
 
 def test_laws_panels_and_times_are_chosen(so3, opened, picture):
