@@ -416,14 +416,14 @@ class Gust(PlacedForce):
     std
         σ of the coordinates.
     time_constant
-        T, s, after which the correlation is 1/e.
+        T, s, after which the correlation is about 1/e; 0.31 with these sines.
     """
 
     name: ClassVar[str] = "gust"
     by_processor: ClassVar[bool] = True  # its sines are drawn by NumPy
     departs: ClassVar[str] = "gusts"
     vectors: ClassVar[tuple[str, ...]] = ("std",)
-    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant", *PlacedForce.positive)
 
     std: Annotated[vehicle_parts.Numbers, Unit(TORQUE)]
     time_constant: Annotated[vehicle_parts.Number, Scale("time constant of the gust", "s")]

@@ -157,7 +157,7 @@ class Noise(Keys):
     std
         σ, rad/s of rotors, else N.
     time_constant
-        T, s, after which the correlation is 1/e.
+        T, s, after which the correlation is about 1/e; 0.31 with these sines.
     """
 
     std: Annotated[Number, Unit("rad/s")]

@@ -443,6 +443,8 @@ class Timed(VehiclePart):
         Instead of `until`: how long it acts from `since` on, s.
     """
 
+    positive: ClassVar[tuple[str, ...]] = ("lasts",)
+
     since: Annotated[Number | None, Scale("start of the force", "s")] = field(
         default=None, kw_only=True, metadata=STRUCTURE
     )

@@ -86,7 +86,7 @@ class Payload(Timed, Force):
 
     name: ClassVar[str] = "payload"
     departs: ClassVar[str] = "payload"
-    positive: ClassVar[tuple[str, ...]] = ("mass",)
+    positive: ClassVar[tuple[str, ...]] = ("mass", *Timed.positive)
 
     mass: Annotated[Number, Scale("mass of the payload", "kg")]
     at: Annotated[list[Number] | None, Unit("m")] = None
