@@ -45,9 +45,10 @@ def test_a_push_begins_and_ends_at_drawn_times(solved, engine, control):
 
 def test_a_duration_is_drawn_again_until_it_is_greater_than_0(experiment_of):
     drawn = {"since": 0.5, "lasts": {"normal": [0.05, 0.5]}}
+    random = np.random.default_rng(0)
     for force in (PUSH, {"kind": "gust", "std": 0.1, "time_constant": 1.0}):
         text = yaml.safe_dump(FREE | {"plant": {"forces": [force | drawn]}})
-        loop, random = experiment_of(text).loops["eqt"], np.random.default_rng(0)
+        loop = experiment_of(text).loops["eqt"]
         runs = [loop.vehicle.configured.of_run(loop.group, lambda _: random) for _ in range(20)]
         assert min(run.forces[0].presence.until for run in runs) > 0.5
 
