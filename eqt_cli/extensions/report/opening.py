@@ -159,10 +159,16 @@ def _finding(
         named = described.get(smallest, against)
         return [f"{too_few(comparison).capitalize()}.", f"{least} {name}: {named}."]
     if undecided and not better and not worse:
-        words = "Nothing is decided" if not alike else "Nothing else is decided"
+        within = f"less than {100 * comparison.negligible:g} %"
+        is_close = max(abs(_rank(pair)) for pair in first.values()) < comparison.negligible
         smallest = described[leader] if _rank(first[leader]) < 0 else against
-        runs = f"{words} with {runs_each(comparison)}"
-        sentences.insert(0, f"{runs}; the {least.lower()} {name}: {smallest}.")
+        seen = (
+            f"{name}s differ by {within}" if is_close else f"the {least.lower()} {name}: {smallest}"
+        )
+        words = "Nothing else is decided" if alike else "Nothing is decided"
+        sentences.insert(0, f"{words} with {runs_each(comparison)}; {seen}.")
+        if is_close:
+            return sentences
     elif undecided:
         names = {law: _starred(comparison, law) for law in undecided}
         sentences.append(f"Undecided: {_few(undecided, names)}.")
@@ -249,7 +255,8 @@ def _panel(
     levels = {x.controller: x for x in comparison.levels if x.measured is measured}
     pairs = {law: pair for law in order for pair in laws[law] if pair.measured is measured}
     ends = [_ends(pair) for pair in pairs.values()]
-    low, high = _bounds(np.array([end for end in ends if np.isfinite(end).any()]))
+    there = np.array([end for end in ends if np.isfinite(end).any()])
+    low, high = _bounds(there, 100 * comparison.negligible)
 
     def place(value: float) -> float:
         return round(100 * (min(max(value, low), high) - low) / (high - low), 2)
@@ -286,8 +293,8 @@ def _ends(pair: Pair) -> tuple[float, float, float]:
     return 100 * middle, 100 * low, 100 * high
 
 
-def _bounds(ends: Array) -> tuple[float, float]:
-    """Return the ends of a scale that shows the bulk of the intervals, and 0."""
+def _bounds(ends: Array, least: float) -> tuple[float, float]:
+    """Return the ends of a scale that shows the bulk of the intervals, and `least` beside 0."""
     finite = ends[np.isfinite(ends)] if ends.size else np.zeros(1)
     low, high = min(0.0, float(finite.min(initial=0.0))), max(0.0, float(finite.max(initial=0.0)))
     if ends.size:
@@ -295,8 +302,7 @@ def _bounds(ends: Array) -> tuple[float, float]:
         most = _SPIKE * float(np.nanmedian(reaches))
         if most > 0:
             low, high = max(low, -most), min(high, most)
-    if high - low < 1e-9:
-        low, high = -1.0, 1.0
+    low, high = min(low, -least), max(high, least)
     margin = _MARGIN * (high - low)
     return low - margin, high + margin
 
