@@ -208,7 +208,10 @@ def test_a_folder_goes_on_by_the_engine_that_began_it(eqt, without_compiler):
     assert eqt(*shard, "1/2").code == 0
     without_compiler(back=True)
     done = eqt(*shard, "2/2")
-    assert (done.code, done.err) == (0, "eqt: out: goes on by engine solve_ivp, which began it\n")
+    assert (done.code, done.err) == (
+        0,
+        "eqt: warning: out: goes on by engine solve_ivp, which began it\n",
+    )
     assert eqt("pack", "out").code == 0
     assert engine_of("out") == "solve_ivp"
     assert eqt("run", "c.yaml", "--out", "out", "--force", "--quiet").code == 0
@@ -256,7 +259,7 @@ def test_a_search_goes_on_by_the_engine_that_began_it(eqt, without_compiler):
     without_compiler(back=True)
     done = eqt(*command)
     assert done.code == 0
-    assert "eqt: out: goes on by engine solve_ivp, which began it\n" in done.err
+    assert "eqt: warning: out: goes on by engine solve_ivp, which began it\n" in done.err
     assert json.loads(Path("out/worst.json").read_text(encoding="utf-8")) == found
 
 

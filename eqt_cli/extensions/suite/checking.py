@@ -196,6 +196,19 @@ def _optimism(
     return Optimism(law, task, math.exp(public), math.exp(fresh), factor, failed)
 
 
+def other_keys(law: Law, judged: JudgedLaw, tasks: Mapping[str, Task]) -> list[str]:
+    """Return what a file changes of the tasks besides numbers of the law, as ``task: key``.
+
+    A law that is judged with less noise than the others computes equal numbers again.
+    """
+    return [
+        f"{name}: {key}"
+        for name, task in tasks.items()
+        for key in dict.fromkeys(key for of in judged.tasks[name].values for key in of or {})
+        if not law.tunes_key(key, task)
+    ]
+
+
 def stale_tasks(archive: Archive, tasks: Mapping[str, Task]) -> list[str]:
     """Return the tasks of a file that are not those of this eqt."""
     return [

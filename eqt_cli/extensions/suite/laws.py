@@ -126,6 +126,11 @@ class Law:
         has_gains = isinstance(entry, dict) and "gains" in entry
         return f"controllers[0].gains.{name}" if has_gains else f"gains.{name}"
 
+    def tunes_key(self, key: str, task: Task) -> bool:
+        """Whether a key is a gain of a task, or an own number of the law, or an entry of one."""
+        tuned = {_whole(self.key(name, task)) for name in (*task.ranges, *self.tunes)}
+        return _whole(key) in tuned
+
     def _numbers(self, task: Task) -> dict[str, Any]:
         """Return the numbers of code in C: its gains, the inertia of the model, and its own."""
         numbers: dict[str, Any] = dict(self.start)
@@ -306,6 +311,11 @@ def _fields(source: str, name: str) -> dict[str, int]:
 def starting(document: Document, keys: Iterable[str]) -> dict[str, Any]:
     """Return the values of keys in a configuration."""
     return {key: value_at(document.data, parse_key(entries_of(key)[0])) for key in keys}
+
+
+def _whole(key: str) -> str:
+    """Return a key without the index of an entry."""
+    return re.sub(r"\[\d+\]$", "", key)
 
 
 def stated_gains(law: Law, path: Path, tasks: Mapping[str, Task]) -> dict[str, dict[str, Any]]:

@@ -19,7 +19,7 @@ from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.checking import Optimism, Recomputed
 from eqt_cli.extensions.suite.judging import Judged, fits, judged, tuned
 from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws, stated_gains
-from eqt_cli.extensions.suite.tasks import REFERENCE, Task, chosen_tasks, read_task
+from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, chosen_tasks, read_task
 
 FILE = "law.zip"
 """Name of the file with the numbers of a law, in the folder of its result."""
@@ -311,6 +311,8 @@ def check(
     content, laws = archives.read(path), shipped_laws()
     stale = [x for x in checking.stale_tasks(content, chosen_tasks([])) if not names or x in names]
     checked = Checked(path, [], [], [], [])
+    if content.suite != VERSION:
+        checked.wrong.append(f"judged on {content.suite}, and this eqt has {VERSION}")
     checked.wrong.extend(f"task {x} is not the one of this eqt; judge the law anew" for x in stale)
     tasks = {n: t for n, t in tasks.items() if n in content.tasks and n not in stale}
     for label in labels:
@@ -327,6 +329,10 @@ def check(
         if law is None:
             continue
         of_law = {name: task for name, task in tasks.items() if name in judged_law.tasks}
+        if others := checking.other_keys(law, judged_law, of_law):
+            label, keys = judged_law.label, ", ".join(others)
+            checked.wrong.append(f"{label}: changes what is no number of the law: {keys}")
+            continue
         _recompute(checked, law, judged_law, of_law, share, workers)
         if has_fresh and law.digest != laws[REFERENCE].digest:
             _renew(checked, (law, laws[REFERENCE]), (judged_law, reference), of_law, workers)

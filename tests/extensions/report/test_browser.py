@@ -203,7 +203,8 @@ def test_every_control_has_a_name(page):
     controls = page.find_elements(
         By.CSS_SELECTOR, "button, input, select, svg[role=img], [role=region]"
     )
-    assert all(control.accessible_name for control in controls)
+    # Of the two pictures of a loop, one is shown.
+    assert all(control.accessible_name for control in controls if control.is_displayed())
 
 
 def test_an_address_leads_to_a_run(browser, address):

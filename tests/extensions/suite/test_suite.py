@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +182,20 @@ class Mine(Controller):
         r = s.relative
         return r.cancelling_feedforward - r.body_damping - r.gradient
 """
+
+
+def test_a_file_may_change_only_numbers_of_its_laws():
+    """A law without its sensor's noise would compute equal errors again."""
+    archived, laws, tasks = archive.shipped_archive(), shipped_laws(), all_tasks()
+    for label, law in archived.laws.items():
+        of_law = {name: tasks[name] for name in law.tasks}
+        assert not checking.other_keys(laws[label], law, of_law)
+    eqt, values = archived.laws["eqt"], {"gains.kp[0]": 1.0, "sensors.velocity[0].std": 0.0}
+    of_task = replace(eqt.tasks["quad_att"], values=(values, None))
+    found = checking.other_keys(
+        laws["eqt"], replace(eqt, tasks={"quad_att": of_task}), {"quad_att": tasks["quad_att"]}
+    )
+    assert found == ["quad_att: sensors.velocity[0].std"]
 
 
 @pytest.mark.ci("tunes two laws under two names, and judges one on fresh runs")
