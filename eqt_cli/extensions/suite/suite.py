@@ -331,7 +331,7 @@ def check(
         of_law = {name: task for name, task in tasks.items() if name in judged_law.tasks}
         if others := checking.other_keys(law, judged_law, of_law):
             label, keys = judged_law.label, ", ".join(others)
-            checked.wrong.append(f"{label}: changes what is no number of the law: {keys}")
+            checked.wrong.append(f"{label}: changes keys beside the numbers of the law: {keys}")
             continue
         _recompute(checked, law, judged_law, of_law, share, workers)
         if has_fresh and law.digest != laws[REFERENCE].digest:
