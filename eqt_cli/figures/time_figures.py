@@ -224,7 +224,7 @@ def _draw_difference(axes: Axes, runs: ShownRuns, signal: str, degrees: bool) ->
     """Draw median and quartiles of the second law minus the first, run by run."""
     first, second = runs.shown
     errors = [runs.errors(signal, e, degrees=degrees) for e in (second, first)]
-    axes.axhline(0.0, **limit_look())
+    axes.axhline(0.0, label=layout.NO_NUMBERS, **limit_look())
     draw_middle(axes, runs.times(second), errors[0] - errors[1], second, "quartiles")
     open_frame(axes)
     layout.add_title(axes, f"{second.title} − {first.title}")

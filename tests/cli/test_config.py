@@ -171,8 +171,8 @@ def test_a_label_that_is_a_function_word_is_remarked_on(eqt):
     done = eqt("config", "check", "c.yaml", "--set", laws)
     assert (done.code, done.err) == (
         0,
-        "eqt: --set controllers=…: controllers: the label 'none' reads as a word of a sentence; "
-        "write one such as 'no rates'\n",
+        "eqt: warning: --set controllers=…: controllers: the label 'none' reads as a word of a "
+        "sentence; write one such as 'no rates'\n",
     )
 
 
