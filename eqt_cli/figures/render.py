@@ -180,6 +180,8 @@ def _letter(command: re.Match[str]) -> str:
 def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
     """Yield name and numbers of everything drawn in a panel."""
     for index, line in enumerate(axes.lines, start=1):
+        if line.get_label() == NO_NUMBERS:
+            continue
         # Also of samples that are masked since they lie below a logarithmic scale.
         x, y = line.get_xdata(orig=False), np.ma.getdata(line.get_ydata())
         x, y = map(_numbers, (x, y))
