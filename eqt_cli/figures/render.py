@@ -44,6 +44,20 @@ _SOFTWARE = 305
 logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates in Matplotlib's fonts
 
 
+def format_of(path: Path) -> Format:
+    """Return the format of the file of a picture.
+
+    Raises
+    ------
+    EqtError
+        For another kind of file.
+    """
+    format: Format | None = next((x for x in get_args(Format) if path.suffix == f".{x}"), None)
+    if format is None:
+        raise EqtError(f"--figure {path}: expected a file that ends in .pdf, .svg, .png or .tiff")
+    return format
+
+
 def encode(
     drawing: Drawing,
     format: Format,

@@ -57,7 +57,7 @@ def budget(
         raise EqtError("--json prints one document; leave --format out")
     shares = _shares(quantile or SHARES)
     if figure:
-        from eqt_cli.extensions.budget.figures import format_of
+        from eqt_cli.figures.render import format_of
 
         format_of(figure)  # before the runs
     over = Window.parse(window) if window else None

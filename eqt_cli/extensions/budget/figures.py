@@ -3,36 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import write_all
 from eqt_cli.extensions.budget.tables import WORDS, BudgetInWords
 from eqt_cli.figures.labels import free_text
 from eqt_cli.figures.layout import add_legend, blank_sheet, freeze
-from eqt_cli.figures.render import Format, encode
+from eqt_cli.figures.render import encode, format_of
 from eqt_cli.figures.style import house_style, ink, line_style
 
 _ROW = 0.2
 """Height of a row, in."""
-
-
-def format_of(path: Path) -> Format:
-    """Return the format of a file.
-
-    Raises
-    ------
-    EqtError
-        For another kind of file.
-    """
-    format: Format | None = next((x for x in get_args(Format) if path.suffix == f".{x}"), None)
-    if format is None:
-        raise EqtError(f"--figure {path}: expected a file that ends in .pdf, .svg or .png")
-    return format
 
 
 def draw(said: BudgetInWords, path: Path) -> None:

@@ -93,7 +93,10 @@ def live(
             changed = {**overrides, **_engine(study.base.engine), **runs}
             run(load_experiment(config, changed), folder, workers=workers)
             result = opened.enter_context(open_at(folder))
-        load = lambda setting: load_experiment(config, overrides | setting)  # noqa: E731
+
+        def load(setting: Mapping[str, Any]) -> Study:
+            return load_experiment(config, {**overrides, **setting})
+
         text = _page(load, result, words).whole(keys or {}, title)
     write_all({out: text.encode()}, out.parent)
     return out

@@ -127,7 +127,7 @@ def show(
     -------
     What to show
         --laws A,B  Only these laws, and those in the folders.
-        --figure FILE  Draw the ratios by task, in a .pdf, .svg or .png.
+        --figure FILE  Draw the ratios by task, in a .pdf, .svg, .png or .tiff.
     Output
         --format NAME  text, latex, csv, html or json.
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from eqt_cli.extensions.suite.tasks import REFERENCE
 from eqt_cli.extensions.suite.verdicts import TaskVerdict
 from eqt_cli.figures.labels import free_text
 from eqt_cli.figures.layout import blank_sheet, freeze
-from eqt_cli.figures.render import Format, encode
+from eqt_cli.figures.render import encode, format_of
 from eqt_cli.figures.style import house_style, ink
 
 _ROW, _AROUND = 0.13, 0.55
@@ -36,20 +35,6 @@ _TICKS = (
     (0.01, 0.1, 1.0, 10.0, 100.0),
 )
 """Ratios that are marked, the closest first."""
-
-
-def format_of(path: Path) -> Format:
-    """Return the format of a file.
-
-    Raises
-    ------
-    EqtError
-        For another kind of file.
-    """
-    format: Format | None = next((x for x in get_args(Format) if path.suffix == f".{x}"), None)
-    if format is None:
-        raise EqtError(f"--figure {path}: expected a file that ends in .pdf, .svg or .png")
-    return format
 
 
 def forest(of_tasks: Sequence[TaskVerdict], archive: Archive, path: Path) -> None:
