@@ -13,8 +13,10 @@ from threadpoolctl import threadpool_limits
 from eqt_cli.api.loading import Configuration, experiment_at, open_at
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
+from eqt_cli.base.reporting import RUNS_DONE, InNotebook, count_of, reporter, step
+from eqt_cli.base.stored import Status
 from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT, RunsCode
 from eqt_cli.components.mechanics import Gains
@@ -27,7 +29,7 @@ from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.extensions.proofs import certificates
-from eqt_cli.extensions.proofs.run_checks import window_times
+from eqt_cli.extensions.proofs.run_checks import StepsEndAtTimes, window_times
 from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
 from eqt_cli.extensions.underactuated.cascade import Cascade
 from eqt_cli.loop.linearised import Along, growth, linearised
@@ -101,7 +103,8 @@ class Verification(InNotebook):
 
     def causes(self, titles: Mapping[str, str]) -> list[str]:
         """Return the reasons why the exit code of `eqt verify` is not 0, laws by these titles."""
-        causes = ["some runs failed"] if self.failed_runs else []
+        some = f"{self.failed_runs} of {count_of(self.runs, 'run')} failed"
+        causes = [some] if self.failed_runs else []
         for row in certificates.with_titles(self.failures, titles):
             law = f" ({row.controller})" if row.controller else ""
             causes.append(f"{row.statement}: {row.name}{law} fails")
@@ -266,7 +269,7 @@ class _Verifier:
         A result holds no states: these are always those of the study.
         """
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
-        solution = self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
+        solution = self._solved(batch)
         loop, threshold = batch.problem.loop, self.experiment.config.settling_threshold
         by_parts = isinstance(threshold, dict)
         names = (*JUDGED, "settling_time") if by_parts else JUDGED
@@ -313,6 +316,15 @@ class _Verifier:
             leaves_spin=len(loop.task.free(loop.gains)) > 1,
         )
 
+    def _solved(self, batch: Batch) -> Solution:
+        """The runs of a batch, of which those that cross a bound of `failed_when` have failed."""
+        engine = self._engine(batch)
+        solution = engine.solve(batch.problem, self.workers, reporter().advance)
+        if most := self.experiment.config.failed_when:
+            bounds = function_for("failed_when of a loop")(most, batch.problem.loop)
+            solution.status[list(bounds.crossings(engine, batch.problem))] = Status.BOUND_CROSSED
+        return solution
+
     def _engine(self, batch: Batch) -> Engine:
         """The engine of the runs of a batch; noted for the summary."""
         engine = compiled_if_faster(batch.engine, batch.problem)
@@ -345,7 +357,7 @@ class _Verifier:
         few = np.arange(min(len(good), FEW_RUNS))
         if not len(few):
             return runs
-        problem = replace(runs.problem.select(few), times=window_times(runs))
+        problem = StepsEndAtTimes.of(runs.problem.select(few), window_times(runs))
         engine = self._engine(batch)
         if (factor := max(TIGHTER, FINEST / engine.rtol)) < 1:
             engine = engine.tightened(factor)

@@ -52,6 +52,7 @@ def test_a_run_ends_when_an_angle_or_a_rate_reaches_its_bound(tmp_path, period, 
         np.testing.assert_array_equal(
             np.isfinite(ended.pose_error[run]), ended.time.values <= t[run]
         )
+    assert api.verify(tmp_path / "False.yaml").failed_runs == crosses.sum()
     for name in ("pose", "mean_pose_error", "effort", "error_estimate"):
         np.testing.assert_array_equal(whole[name][~crosses], ended[name][~crosses])
 

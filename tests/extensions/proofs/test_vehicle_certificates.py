@@ -1,6 +1,6 @@
 """Certificates of what is between law and plant; each planted fault fails its own row."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,11 +10,17 @@ from eqt_cli.components import blocks
 from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
+from eqt_cli.engines.engine import Problem
 from eqt_cli.extend import Noise
 from eqt_cli.extensions.proofs.certificates import Runs, VehicleRuns, Verdict
 from eqt_cli.extensions.proofs.run_checks import (
+    HIGHEST,
+    INTEGRALS,
+    NODES,
+    TO_CHEBYSHEV,
     MomentumBalance,
     NoiseCovariance,
+    StepsEndAtTimes,
     _off_identity,
     window_times,
 )
@@ -48,7 +54,7 @@ def solved(folder, runs=4, config=CONFIG, label="eqt"):
     path.write_text(config, encoding="utf-8")
     [batch] = batches(study(read_config(path)), label, np.arange(runs))
     made = VehicleRuns(batch.problem, batch.engine.solve(batch.problem).states, 4, np.arange(runs))
-    problem = replace(made.problem.select(np.arange(1)), times=window_times(made))
+    problem = StepsEndAtTimes.of(made.problem.select(np.arange(1)), window_times(made))
     engine = batch.engine.tightened(TIGHTER)
     states, tolerances = engine.solve(problem).states, (engine.rtol, engine.atol)
     windows = VehicleRuns(problem, states, 4, np.arange(1), None, *tolerances)
@@ -149,6 +155,43 @@ def test_a_plant_whose_states_are_a_thousandth_off(runs):
     assert failing(replace(runs, windows=replace(runs.windows, states=states))) == {
         MomentumBalance.name
     }
+
+
+STIFF = """group: SE3
+inertia: [0.02, 0.03, 0.04, 1.4, 1.4, 1.4]
+gains: {kp: 2, kd: 1.5}
+reference: {kind: constant}
+controllers: [eqt]
+plant: {forces: [{kind: payload, mass: 0.3, at: [0.1, 0, -0.1], since: 0.6, lasts: 0.8}]}
+initial: {pose: {kind: exp_normal, std: 0.5}}
+ensemble: {runs: 1, seed: 2}
+time: {duration: 20, samples: 401}
+"""
+
+
+@pytest.mark.ci("compiles a loop, in which a mode of 75 1/s limits the step")
+def test_steps_end_where_the_force_is_integrated(tmp_path):
+    """Only rounding is left; dense output there errs by 1000 times the tolerance."""
+    vehicle = solved(tmp_path, 1, STIFF)
+    [row, _] = rows(vehicle)
+    assert row.verdict is Verdict.HOLDS
+    assert row.measured < 1e-15
+    problem = Problem(**{x.name: getattr(vehicle.windows.problem, x.name) for x in fields(Problem)})
+    [batch] = batches(study(read_config(tmp_path / "c.yaml")), "eqt", np.arange(1))
+    windows = replace(vehicle.windows, states=batch.engine.tightened(TIGHTER).solve(problem).states)
+    [row, _] = rows(replace(vehicle, windows=windows))
+    assert row.measured > 1e-13
+
+
+@pytest.mark.parametrize("order", [0, 1], ids=["jump", "kink"])
+def test_the_highest_coefficients_bound_the_error_of_an_integral(order):
+    """The errors are known by closed forms, wherever the force jumps or bends."""
+    places = np.linspace(-1, 1, 4001)
+    forces = np.maximum(NODES - places[:, None], 0) ** order * (NODES >= places[:, None])
+    exact = (1 - places) ** (order + 1) / (order + 1)
+    polynomials = TO_CHEBYSHEV @ forces[..., None]
+    lost = np.abs(polynomials[:, -HIGHEST:, 0]).sum(axis=1)
+    assert (np.abs(polynomials[..., 0] @ INTEGRALS - exact) <= 0.55 * lost + 1e-15).all()
 
 
 # A body with three wheels: moment of inertia (kg m²), largest momentum of a wheel (N m s), and the
