@@ -161,19 +161,19 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
         return
     if comparison.runs < (enough := runs_enough(comparison, against)):
         yield (
-            f"{comparison.runs} runs are too few to call any of {count} numbers better or worse: "
-            f"take {enough} or more (`ensemble.runs`), or fewer numbers (`--metric`)"
+            f"{comparison.runs} runs cannot decide any of the {count_of(tests, 'comparison')}. Use "
+            f"{enough} or more (`--set ensemble.runs={enough}`), or fewer metrics (`--metric`)."
         )
-    starts = "" if comparison.bases else " from the same starts"
-    first, it = comparison.titles[against or comparison.labels[0]], "it"
+    first, starts = comparison.titles[against or comparison.labels[0]], " from the same starts"
     if comparison.bases:
-        first, it = "the laws of the first result", "them"
+        first, starts = "the first result", " per law"
     better, worse, alike, undecided = MARKS.values()
     yield (
-        f"{runs_each(comparison)}{starts}; of {first}, the means; of the others, median "
-        f"differences from {it}, with {100 * confidence:g} % intervals; {better} better, {worse} "
-        f"worse: in most runs, by a sign test, corrected for {count_of(tests, 'test')}; {alike} no "
-        f"difference: within ±{100 * comparison.negligible:g} %; {undecided} undecided"
+        f"{first}: means of {count_of(comparison.runs, 'run')}{starts}. Others: median differences "
+        f"from {first}, run by run [{100 * confidence:g} % interval]. {better}/{worse}: "
+        f"better/worse in most runs (sign test, corrected for {count_of(tests, 'comparison')}). "
+        f"{alike}: no difference, within ±{100 * comparison.negligible:g} %. "
+        f"{undecided}: undecided."
     )
 
 

@@ -209,7 +209,7 @@ _HELP = {"help_option_names": ["-h", "--help"]}
 app = typer.Typer(
     name="eqt",
     cls=_Commands,
-    help="Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure.",
+    help="Simulate tracking control laws from one YAML file, and compare them run by run.",
     epilog=example("eqt", "run configs/paper.yaml"),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -232,7 +232,7 @@ def main(
         ),
     ] = False,
 ) -> None:
-    """Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure."""
+    """Simulate tracking control laws from one YAML file, and compare them run by run."""
 
 
 def _command(name: str, place: CommandPlace) -> Any:

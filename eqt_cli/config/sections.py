@@ -63,9 +63,8 @@ def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = ()
             elif not _positive(stiffness := _eigenvalues(mechanics.hessian_at_identity(G, K))):
                 # Υ has no non-degenerate minimum at I
                 raise InputError(
-                    f"must be positive, so that small errors on {G.name} have a positive stiffness "
-                    "(on SO3: every sum of two eigenvalues); got the stiffness "
-                    f"{_listed(stiffness)}"
+                    "must be positive, else small errors do not decay: it gives them the stiffness "
+                    f"{_listed(stiffness)} (on SO3, sums of two eigenvalues)"
                 )
     if "kd" in section:
         with problems.catching("kd"):

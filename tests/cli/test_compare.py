@@ -150,7 +150,7 @@ def test_laws_are_compared_although_the_stored_configuration_is_damaged(invoke, 
     path = shutil.copytree(changed / "soft", tmp_path / "damaged") / "results.h5"
     with h5py.File(path, "a") as file:
         file.attrs["config"] = fixed("gains: [1, 2")
-    assert "20 runs per law from the same starts; " in invoke("compare", path).stdout
+    assert "EqT: means of 20 runs from the same starts. " in invoke("compare", path).stdout
     said = invoke("show", path, "--config", code=2).stderr.splitlines()[-1]
     assert said == f"{path}[config]:1:8: the '[' is never closed"
 
