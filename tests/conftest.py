@@ -7,6 +7,7 @@ import gc
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -438,12 +439,14 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def refused(eqt: Callable[..., Done]) -> Callable[..., str]:
-    """What a command says that ends with 2 and prints nothing else."""
+    """The error that a command ends with, as it prints nothing else; exit code 2."""
 
     def said(*arguments: object) -> str:
         done = eqt(*arguments)
         assert (done.code, done.out) == (2, "")
-        return done.err
+        start = re.match(r"eqt: error: |(?=(more than )?\d+ errors?\b)", done.err)
+        assert start, done.err
+        return done.err[start.end() :]
 
     return said
 

@@ -101,7 +101,7 @@ def _run(stop: process.Requests) -> None:
         # Errors in writing files are handled where their names are known; only stdout is left.
         process.drop_stdout()
         reason = str(error.strerror).lower()
-        _say(f"eqt: standard output: cannot be written: {reason}")
+        _say(f"standard output: cannot be written: {reason}", "error")
         sys.exit(EqtError.exit_code)
 
 
@@ -111,8 +111,10 @@ def _tell(error: EqtError) -> None:
     from eqt_cli.cli.output import option, print_error
 
     text = error.with_advice(option)
-    heading = error.heading if isinstance(error, ConfigError) else ""
-    _say(f"{heading}\n{text}" if heading else f"eqt: {text}")
+    if isinstance(error, InterruptedRun):
+        _say(f"eqt: {text}")
+    else:
+        _say(text, "error", error.heading if isinstance(error, ConfigError) else "")
     if "--json" in sys.argv:
         print_error(error)
 
@@ -121,11 +123,11 @@ _said: list[str] = []
 """Final messages of this process, of which there is at most one."""
 
 
-def _say(message: str) -> None:
+def _say(message: str, label: str = "", heading: str = "") -> None:
     from eqt_cli.cli.output import complain
 
     _said.append(message)
-    complain(message, "error")
+    complain(message, label, heading)
 
 
 def _interrupted_again() -> None:

@@ -81,19 +81,20 @@ def say(message: str) -> None:
         complain(message)
 
 
-def complain(message: str, label: str = "") -> None:
-    """Print an error on stderr, also if the command is quiet.
+def complain(message: str, label: str = "", heading: str = "") -> None:
+    """Print a text on stderr, also if the command is quiet.
 
-    In colour, a label such as ``error`` stands in the place of the name of the program.
+    It begins with a heading or a label, ``eqt: error:``. In colour, the name of the program is left
+    out.
     """
-    text = printable(message, _LINES)
+    shown = heading or (f"{label}:" if label else "")
+    start = f"eqt: {label}:" if label and not heading else heading
+    between = "\n" if heading else " " if label else ""
+    text = printable(f"{start}{between}{message}", _LINES)
     if width := room(sys.stderr):  # a terminal would break lines within words
         text = "\n".join(_fold(line, width) for line in text.split("\n"))
     if label and sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
         colour = f"\033[1;{31 if label == 'error' else 33}m"
-        heading = text.partition("\n")[0]  # of several errors
-        start, shown = ("eqt:", f"{label}:") if text.startswith("eqt:") else (heading, heading)
-        start += f" {label}:" if text.startswith(f"eqt: {label}:") else ""
         text = f"{colour}{shown}\033[0m{text.removeprefix(start)}"
     print(text, file=sys.stderr, flush=True)
 
@@ -101,7 +102,7 @@ def complain(message: str, label: str = "") -> None:
 def warn(remark: EqtWarning) -> None:
     """Print a warning about a result on stderr."""
     if isinstance(remark, HarmWarning) or not _silent:
-        complain(f"eqt: warning: {remark.with_advice(option)}", "warning")
+        complain(remark.with_advice(option), "warning")
 
 
 def option(argument: str) -> str:

@@ -70,10 +70,12 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     lines += [
         f"solver   {x}" for tell in functions_for("remarks on a result") for x in tell(result)
     ]
-    remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
+    doubts, failures = [*_doubts(result)], [*_failures(result)] if result.status.any() else []
     output.print_text(*lines)
-    for remark in remarks:
-        output.complain(remark)
+    for doubt in doubts:
+        output.complain(doubt, "warning")
+    for failure in failures:
+        output.complain(failure)
 
 
 def outcome_record(result: Result) -> dict[str, Any]:
@@ -222,19 +224,19 @@ def _doubts(result: Result) -> Iterator[str]:
     if check and not check.holds:
         where = f"'{check.law}'" if check.law else "the laws"
         yield (
-            f"eqt: the two integrators differ by more than the bound, most in {where}; tighten "
+            f"the two integrators differ by more than the bound, most in {where}; tighten "
             "solver.rtol, or look for kinks and discontinuities there; or, in code, for what it "
             "keeps from call to call and `memory` does not name"
         )
     elif check and drift:
         yield (
-            f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
+            f"poses leave the group by {drift:.2g}, more than the bound of the "
             f"cross-check, {check.bound:.1g}; tighten solver.rtol"
         )
     estimates, rtol = result.metric("error_estimate"), result.described.rtol
     if above := 0 if rtol is None else int(np.count_nonzero(estimates > FAR_ABOVE * rtol)):
         yield (
-            f"eqt: the error estimates of {output.count_of(above, 'run')} exceed {FAR_ABOVE:g} "
+            f"the error estimates of {output.count_of(above, 'run')} exceed {FAR_ABOVE:g} "
             f"times solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "
             "solver.rtol, or set solver.max_error to count such runs as failed"
         )

@@ -178,11 +178,11 @@ def test_two_results_refuse_what_is_of_one(invoke, changed):
     done = invoke("compare", two[0], changed / "so2", code=2)
     assert done.stderr.endswith("is of SO2, and the other result of SO3\n")
     wrong = {
-        ("--confidence", "2"): "eqt: confidence 2: expected a number between 0 and 1, as 0.95\n",
-        ("--resamples", "0"): "eqt: resamples 0: expected at least 1\n",
+        ("--confidence", "2"): "confidence 2: expected a number between 0 and 1, as 0.95",
+        ("--resamples", "0"): "resamples 0: expected at least 1",
     }
     for words, said in wrong.items():
-        assert invoke("compare", *two, *words, code=2).stderr == said
+        assert invoke("compare", *two, *words, code=2).stderr == f"eqt: error: {said}\n"
     done = invoke("compare", *two, "--window", "0:99", "--resamples", 9)
     assert "Window 0:99 is cut to 0:20, since" in done.stderr
     document = json.loads(invoke("compare", *two, "--json", "--resamples", 9).stdout)
@@ -199,7 +199,7 @@ def test_against_chooses_pairs(invoke, paper_result):
 
 def test_against_an_unknown_controller(invoke, paper_result):
     done = invoke("compare", paper_result, "--against", "asim", code=2)
-    assert done.stderr == "eqt: --against: no controller 'asim'; did you mean 'asym'?\n"
+    assert done.stderr == "eqt: error: --against: no controller 'asim'; did you mean 'asym'?\n"
 
 
 def test_csv_has_full_precision(invoke, paper_result):
@@ -278,7 +278,7 @@ def test_units_of_a_user(invoke, paper_result):
 @from_yaml
 def test_a_unit_that_fits_nothing_is_a_message(invoke, paper_result, wish, message):
     said = invoke("compare", paper_result, "--unit", wish, code=2).stderr
-    assert says(said, f"eqt: {message}\n")
+    assert says(said, f"eqt: error: {message}\n")
 
 
 def test_chosen_laws_are_all_that_is_compared(invoke, paper_result):
@@ -291,7 +291,7 @@ def test_chosen_laws_are_all_that_is_compared(invoke, paper_result):
     assert list(found["controllers"]) == ["eqt", "nog"]
     assert {(pair["first"], pair["second"]) for pair in found["pairs"]} == {("nog", "eqt")}
     done = invoke("compare", paper_result, "--without-start", code=2)
-    assert says(done.stderr, f"eqt: {paper_result}/results.h5: is not the result of a tuning…\n")
+    assert says(done.stderr, f"eqt: error: {paper_result}/results.h5: is not…a tuning…\n")
 
 
 def test_list_shows_what_can_be_compared(invoke, paper_result):
@@ -342,7 +342,7 @@ def test_csv_is_of_one_table_and_says_so(eqt, folder):
     done = eqt("compare", "results/c", "--format", "csv", "--json")
     assert (done.code, done.err) == (
         2,
-        "eqt: --json prints one document for all tables; leave --format out\n",
+        "eqt: error: --json prints one document for all tables; leave --format out\n",
     )
 
 

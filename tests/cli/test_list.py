@@ -162,7 +162,7 @@ def test_a_plugin(eqt, folder):
     ],
 )
 def test_an_unknown_kind(refused, kind, hint):
-    assert refused("list", kind) == f"eqt: unknown kind or component '{kind}'; {hint}\n"
+    assert refused("list", kind) == f"unknown kind or component '{kind}'; {hint}\n"
 
 
 @pytest.mark.needs("underactuated")
@@ -193,4 +193,4 @@ def test_every_configuration_says_what_it_is(eqt):
 
 
 def test_an_unknown_plugin(refused):
-    assert refused("list", "--plugin", "no.py").startswith("eqt: plugin no.py: cannot be read: ")
+    assert refused("list", "--plugin", "no.py").startswith("plugin no.py: cannot be read: ")

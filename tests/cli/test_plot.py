@@ -46,13 +46,13 @@ def test_names_and_remarks_are_for_print(eqt, result):
 
 @from_yaml
 def test_what_cannot_be_drawn_for_print_is_said(options, message, refused, result):
-    assert says(refused("plot", result, *options.split()), f"eqt: {message}\n")
+    assert says(refused("plot", result, *options.split()), f"{message}\n")
 
 
 def test_a_wrong_style_is_one_line_on_stderr(refused, result):
     Path("mine.mplstyle").write_text("axes.grid: perhaps\n", encoding="utf-8")
     assert refused("plot", result, "--style", "mine.mplstyle") == (
-        "eqt: mine.mplstyle:1: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' "
+        "mine.mplstyle:1: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' "
         "to bool\n"
     )
     assert not Path(result, "figures").exists()
@@ -87,12 +87,12 @@ def test_options_go_to_the_figures_that_have_them(eqt, result):
 def test_an_option_that_no_figure_has(eqt, result, option, said):
     done = eqt("plot", result, *BOTH, "--option", option)
     assert done.code == 2
-    assert says(done.err, f"eqt: --option[0]: {said}\n")
+    assert says(done.err, f"eqt: error: --option[0]: {said}\n")
 
 
 def test_an_option_of_one_figure_is_refused_by_it(refused, result):
     assert refused("plot", result, *BOTH, "--option", "torque.shrae=total").startswith(
-        "eqt: figure 'torque': shrae: unknown key; did you mean 'share'?"
+        "figure 'torque': shrae: unknown key; did you mean 'share'?"
     )
 
 
@@ -124,10 +124,10 @@ def test_a_figure_of_a_plugin_in_a_result(eqt, monkeypatch):
     assert eqt("run", "own.yaml", "--out", "out", "-q").code == 0
     monkeypatch.setattr("eqt_cli.figures.figure.figures._plugins", {})
     words = ("plot", "out", "--figure", "spectrum", "--format", "json", "-q")
-    assert eqt(*words).err.startswith("eqt: unknown figure 'spectrum'; known: ")
+    assert eqt(*words).err.startswith("eqt: error: unknown figure 'spectrum'; known: ")
     assert says(
         eqt(*words, "--trust-plugins").err,
-        "eqt: AttributeError: 'ShownRuns' object has no attribute…: return runs.nothing\n",
+        "eqt: error: AttributeError: 'ShownRuns' object has no attribute…: return runs.nothing\n",
     )
 
 
@@ -147,5 +147,5 @@ def test_a_figure_replaces_no_file_of_others(refused, result, monkeypatch):
     path.parent.mkdir()
     path.write_text('<?xml version="1.0"?><svg/>', encoding="utf-8")
     assert refused("plot", result, "--figure", "paper", "--figure", "torque") == (
-        f"eqt: {path}: exists, but eqt did not write it; choose another place with --out\n"
+        f"{path}: exists, but eqt did not write it; choose another place with --out\n"
     )

@@ -80,7 +80,7 @@ def test_plot_draws_points_by_themselves_and_side_by_side(eqt):
 @pytest.mark.usefixtures("grid")
 def test_figures_of_single_experiments_ask_for_a_point(refused):
     assert refused("plot", "out", "--figure", "paper") == (
-        f"eqt: {Path('out/results.h5')}: figure 'paper' shows single experiments, and this is a "
+        f"{Path('out/results.h5')}: figure 'paper' shows single experiments, and this is a "
         f"sweep of 4 points; {HOW}\n"
     )
 
@@ -89,7 +89,7 @@ def test_figures_of_single_experiments_ask_for_a_point(refused):
 def test_figures_of_sweeps_take_none(refused):
     assert says(
         refused("plot", "out", "--figure", "sweep", "--point", 1),
-        f"eqt: {Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is…\n",
+        f"{Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is…\n",
     )
 
 
@@ -110,7 +110,7 @@ def test_verify_a_point_of_a_configuration(eqt, refused, folder):
     assert (done.code, done.err) == (0, "")
     assert (
         refused("verify", "c.yaml", "--point", 2)
-        == "eqt: c.yaml: has no point 2; choose one of 0 to 1\n"
+        == "c.yaml: has no point 2; choose one of 0 to 1\n"
     )
 
 
@@ -118,7 +118,7 @@ def test_verify_a_point_of_a_configuration(eqt, refused, folder):
 def test_a_configuration_without_a_sweep_has_no_points(refused):
     assert (
         refused("verify", "c.yaml", "--point", 0)
-        == "eqt: c.yaml: defines no sweep, so it has no points; leave the point out\n"
+        == "c.yaml: defines no sweep, so it has no points; leave the point out\n"
     )
 
 
@@ -135,9 +135,9 @@ def test_points_that_are_not_there(eqt, refused, command):
     eqt("run", "c.yaml", "--out", "single", "--quiet")
     done = eqt(command, "out", "--point", 4)
     file = Path("out/results.h5")
-    assert (done.code, done.err) == (2, f"eqt: {file}: has no point 4; choose one of 0 to 3\n")
+    assert (done.code, done.err) == (2, f"{file}: has no point 4; choose one of 0 to 3\n")
     assert refused(command, "single", "--point", 0) == (
-        f"eqt: {Path('single/results.h5')}: is not a sweep; leave the point out\n"
+        f"{Path('single/results.h5')}: is not a sweep; leave the point out\n"
     )
 
 
@@ -175,6 +175,6 @@ def test_python_opens_one_point():
 def test_two_whole_sweeps_are_not_compared(eqt, refused):
     eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
     assert refused("compare", "out", "out") == (
-        f"eqt: {Path('out/results.h5')}: controllers are compared within one experiment, and this "
+        f"{Path('out/results.h5')}: controllers are compared within one experiment, and this "
         f"is a sweep of 4 points; {HOW}\n"
     )

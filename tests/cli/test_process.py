@@ -22,7 +22,7 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 @from_yaml
 def test_wrong_usage_is_told_as_other_errors_are(refused, command, told):
     said = refused(*command.split())
-    assert says(said, f"eqt: {told}…\n")
+    assert says(said, f"{told}…\n")
 
 
 def test_version(process):
@@ -60,7 +60,7 @@ def test_what_a_process_lacks_is_told(folder, error, told):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False, text=True)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"eqt: {told}")
+    assert done.stderr.startswith(f"eqt: error: {told}")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="removes the current folder")
@@ -71,7 +71,7 @@ def test_a_current_folder_that_was_removed_is_told(tmp_path, folder):
     done = subprocess.run(["sh", "-c", words], capture_output=True, check=False, text=True)
     assert done.returncode == 2
     assert done.stderr.endswith(
-        "eqt: the current folder does not exist any more; change to another one\n"
+        "eqt: error: the current folder does not exist any more; change to another one\n"
     )
 
 
@@ -218,7 +218,7 @@ def test_a_broken_entry_point(process, folder, module, said):
     environment = install(folder, {"controllers": "my_law"}, module)
     done = process("list", "controllers", **environment)
     assert (done.code, done.out) == (2, "")
-    assert says(done.err, f"eqt: {said}\n")
+    assert says(done.err, f"eqt: error: {said}\n")
 
 
 COMMANDS = """\

@@ -124,12 +124,10 @@ def test_dry_run_tells_the_size_of_the_data(eqt):
 
 
 def test_run_and_sweep_name_each_other(refused):
-    assert says(refused("sweep", "c.yaml"), "eqt: c.yaml: defines no sweep…\n")
+    assert says(refused("sweep", "c.yaml"), "c.yaml: defines no sweep…\n")
     with Path("c.yaml").open("a", encoding="utf-8") as file:
         file.write("sweep: [{grid: {gains.kp: [1, 2]}}]\n")
-    assert refused("run", "c.yaml") == (
-        "eqt: c.yaml:10:1: defines a sweep; use `eqt sweep c.yaml`\n"
-    )
+    assert refused("run", "c.yaml") == ("c.yaml:10:1: defines a sweep; use `eqt sweep c.yaml`\n")
 
 
 def test_the_result_of_a_sweep_is_swept_again(eqt):
@@ -138,21 +136,21 @@ def test_the_result_of_a_sweep_is_swept_again(eqt):
     result = Path("swept/results.h5")
     assert done.code == 2
     assert done.err.endswith(f": defines a sweep; use `eqt sweep {result}`\n")
-    assert done.err.startswith(f"eqt: {result}[config]:")
+    assert done.err.startswith(f"eqt: error: {result}[config]:")
 
 
 @pytest.mark.parametrize("text", ["gains.kp", "=1", "gains.kp="])
 def test_a_grid_that_is_none(refused, text):
     assert (
         refused("sweep", "c.yaml", "--grid", text)
-        == f"eqt: --grid {text}: expected KEY=VALUE,VALUE,…, got '{text}'\n"
+        == f"--grid {text}: expected KEY=VALUE,VALUE,…, got '{text}'\n"
     )
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b"])
 def test_a_shard_that_is_none(refused, text):
     assert refused("sweep", "c.yaml", *GRID, "--shard", text) == (
-        f"eqt: --shard: expected I/N with I from 1 to N, such as 2/8, got '{text}'\n"
+        f"--shard: expected I/N with I from 1 to N, such as 2/8, got '{text}'\n"
     )
 
 
@@ -196,9 +194,9 @@ def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     killed = Path("out/parts/000001.npy")
     killed.unlink()
     pack = ("pack", "out", "--trust-plugins")
-    assert says(refused(*pack), "eqt: out: 1 of 3 parts are missing…\n")
+    assert says(refused(*pack), "out: 1 of 3 parts are missing…\n")
     assert eqt(*run, "out", "--set", "gains.kp=2").err == (
-        "eqt: out: holds another experiment, which differs in\n"
+        "out: holds another experiment, which differs in\n"
         "  gains.kp: 1.0 there, 2.0 here\n"
         "choose another folder with --out\n"
     )
@@ -218,7 +216,7 @@ def test_what_is_packed_is_what_was_begun(eqt):
     config = Path("out/config.yaml")
     config.write_text(config.read_text(encoding="utf-8").replace("kp: 1.0", "kp: 3.0"))
     assert eqt("pack", "out").err == (
-        "eqt: out: holds another experiment, which differs in\n"
+        "eqt: error: out: holds another experiment, which differs in\n"
         "  gains.kp: 1.0 there, 3.0 here\n"
         f"undo the changes of {config}\n"
     )
@@ -244,5 +242,5 @@ def test_the_table_holds_every_run_with_all_digits(eqt, sweeps):
 def test_a_value_that_is_given_twice(refused):
     assert says(
         refused("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50"),
-        "eqt: --grid gains.kp=0.5,1,0.50…: 0.5 is listed twice…\n",
+        "--grid gains.kp=0.5,1,0.50…: 0.5 is listed twice…\n",
     )

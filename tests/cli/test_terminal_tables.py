@@ -157,25 +157,21 @@ def test_latex_leaves_equal_columns_out_and_says_so():
 
 
 @pytest.mark.parametrize(
-    ("message", "label", "shown"),
+    ("arguments", "plain", "coloured"),
     [
-        ("eqt: no file", "error", "\033[1;31merror:\033[0m no file\n"),
-        ("eqt: warning: no air", "warning", "\033[1;33mwarning:\033[0m no air\n"),
-        (
-            "2 errors in c.yaml\nc.yaml:1",
-            "error",
-            "\033[1;31m2 errors in c.yaml\033[0m\nc.yaml:1\n",
-        ),
-        ("a remark", "", "a remark\n"),
+        (("no file", "error"), "eqt: error: no file", "\033[1;31merror:\033[0m no file"),
+        (("no air", "warning"), "eqt: warning: no air", "\033[1;33mwarning:\033[0m no air"),
+        (("c:1", "error", "2 errors"), "2 errors\nc:1", "\033[1;31m2 errors\033[0m\nc:1"),
+        (("  a remark",), "  a remark", "  a remark"),
     ],
 )
-def test_errors_are_in_colour_on_a_terminal_only(monkeypatch, capsys, message, label, shown):
+def test_errors_are_in_colour_on_a_terminal_only(monkeypatch, capsys, arguments, plain, coloured):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    output.complain(message, label)
-    assert capsys.readouterr().err == f"{message}\n"  # NO_COLOR
+    output.complain(*arguments)
+    assert capsys.readouterr().err == f"{plain}\n"  # NO_COLOR
     monkeypatch.delenv("NO_COLOR")
-    output.complain(message, label)
-    assert capsys.readouterr().err == shown
+    output.complain(*arguments)
+    assert capsys.readouterr().err == f"{coloured}\n"
 
 
 def test_lines_in_a_pipe_have_100_columns(monkeypatch, capsys):

@@ -104,7 +104,7 @@ def result(good, tmp_path):
 def refused(invoke, path, command, reason):
     said = invoke(command, path, code=2)
     again = "eqt writes no such file: copy it again or run the experiment again"
-    assert said.stderr == f"eqt: {path}: refused: {reason}; {again}\n"
+    assert said.stderr == f"eqt: error: {path}: refused: {reason}; {again}\n"
     assert said.stdout == ""
 
 
@@ -188,7 +188,7 @@ def test_a_figure_of_numbers_that_no_axis_can_show(huge, invoke):
     words = "--figure distributions --option metrics=[effort] --out".split()
     assert says(
         invoke("plot", huge, *words, huge.parent / "f", code=2).stderr,
-        "eqt: the figure cannot be drawn: its numbers…\n",
+        "eqt: error: the figure cannot be drawn: its numbers…\n",
     )
 
 

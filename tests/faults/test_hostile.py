@@ -46,15 +46,13 @@ def test_hostile_results_are_refused(result, tmp_path, refused, command):
     with h5py.File(result, "a") as file:
         del file["effort"]
         file["effort"] = h5py.ExternalLink(str(tmp_path / "secret.h5"), "/effort")
-    assert says(
-        refused(command, result), f"eqt: {result}: refused: 'effort' is an external link…\n"
-    )
+    assert says(refused(command, result), f"{result}: refused: 'effort' is an external link…\n")
 
 
 @COMMANDS
 def test_damaged_results_are_refused(result, refused, command):
     result.write_bytes(result.read_bytes()[:-5000])
-    assert re.fullmatch(f"eqt: {re.escape(str(result))}: .*\n", refused(command, result))
+    assert re.fullmatch(f"{re.escape(str(result))}: .*\n", refused(command, result))
 
 
 HOSTILE_YAML = {

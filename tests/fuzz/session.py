@@ -74,7 +74,7 @@ def attempt(kind: str, words: list[str]) -> str | None:
     if (
         code == 2
         and "--json" not in words
-        and not re.search(r"(?m)^(eqt: |Usage:|(more than )?\d+ errors? in )", told)
+        and not re.search(r"(?m)^(eqt: error: |Usage:|(more than )?\d+ errors? in )", told)
     ):
         return f"no message: {told!r}"
     if code == 2 and out.getvalue() and "--json" not in words:

@@ -232,6 +232,11 @@ class Done:
     error: str
 
 
+def refusal_of(said):
+    """How a command ends that refuses the folder `out`, or an entry of it."""
+    return Done(2, f"eqt: error: out{said}\n")
+
+
 def call(text):
     """A command in words, with `OUT` for the folder `out`, within this process."""
     words = [word.replace("OUT", "out") for word in text.split()]
@@ -364,13 +369,10 @@ def test_links_are_refused(made, lay, canary, command, record_property):
 
     def refusal(name):
         if command == "config new":  # which replaces nothing
-            return Done(2, f"eqt: out/{name}: already exists; give another name, or remove it\n")
-        expected = "a folder" if name in folders else "a file"
-        return Done(
-            2,
-            f"eqt: out/{name}: is a symbolic link; expected {expected} that eqt wrote, or no such "
-            "entry; rename or remove it\n",
-        )
+            return refusal_of(f"/{name}: already exists; give another name, or remove it")
+        expected = f"expected {'a folder' if name in folders else 'a file'} that eqt wrote"
+        advice = "or no such entry; rename or remove it"
+        return refusal_of(f"/{name}: is a symbolic link; {expected}, {advice}")
 
     for name in sorted(own):
         assert hostile([name]) == (refusal(name), True)
@@ -447,8 +449,8 @@ def test_a_folder_of_others_takes_no_result(lay, name, force):
     (out / name).mkdir(parents=True)
     (out / name / "000000.npy").write_bytes(b"mine")
     before = state(out / name)
-    assert call(f"run c.yaml --out OUT{force}") == Done(
-        2, f"eqt: out: holds {name} that eqt did not write; choose another folder with --out\n"
+    assert call(f"run c.yaml --out OUT{force}") == refusal_of(
+        f": holds {name} that eqt did not write; choose another folder with --out"
     )
     assert state(out / name) == before
 
@@ -462,8 +464,8 @@ def test_a_folder_of_others_takes_no_tuning(lay, name, force):
     else:
         (out / name / "eqt").mkdir(parents=True)
     before = state(out)
-    assert call(f"tune one.yaml --out OUT{force}") == Done(
-        2, f"eqt: out: holds {name} that eqt did not write; choose another folder with --out\n"
+    assert call(f"tune one.yaml --out OUT{force}") == refusal_of(
+        f": holds {name} that eqt did not write; choose another folder with --out"
     )
     assert [path for path in state(out) if path not in before] == []
 
@@ -595,8 +597,8 @@ def test_the_lock_follows_no_link(lay, canary, put, command):
         (out / name).unlink(missing_ok=True)  # what the first shard left
         what = put(out / name, canary)
         before, there = state(canary), state(out / name)
-        assert call(text) == Done(
-            2, f"eqt: out/{name}: is {what} that eqt wrote, or no such entry; rename or remove it\n"
+        assert call(text) == refusal_of(
+            f"/{name}: is {what} that eqt wrote, or no such entry; rename or remove it"
         )
         assert state(canary) == before
         assert state(out / name) == there
@@ -636,9 +638,8 @@ def test_a_lock_that_cannot_be_written(lay, monkeypatch, step):
     monkeypatch.setattr(f"eqt_cli.runs.lock.os.{step}", fail)
     done = call("run c.yaml --out OUT")
     monkeypatch.undo()
-    assert done == Done(
-        2, "eqt: out: cannot be used: input/output error; choose another folder with --out\n"
-    )
+    said = ": cannot be used: input/output error; choose another folder with --out"
+    assert done == refusal_of(said)
     assert kind_of(out / LOCK) is None
 
 

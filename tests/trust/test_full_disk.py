@@ -127,6 +127,6 @@ def test_a_new_configuration_is_whole_or_not_there(folder, invoke, monkeypatch, 
         else:
             patch.setattr(os, "fsync", full)
         done = invoke("config", "new", "new.yaml", code=2)
-    assert done.stderr == "eqt: new.yaml: cannot be written: no space left on device\n"
+    assert done.stderr == "eqt: error: new.yaml: cannot be written: no space left on device\n"
     assert not Path("new.yaml").exists()
     invoke("config", "new", "new.yaml")

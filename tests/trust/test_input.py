@@ -219,7 +219,7 @@ def test_a_record_that_is_nested_deeply_is_none(sent, refused):
     assert unfinished(sent / "out") is None
     assert (
         refused("run", "c.yaml", "--out", "out")
-        == "eqt: out: holds parts that eqt did not write; choose another folder with --out\n"
+        == "out: holds parts that eqt did not write; choose another folder with --out\n"
     )
 
 

@@ -36,13 +36,13 @@ ENDS = {
         "--version",
         ">/dev/full",
         2,
-        b"eqt: standard output: cannot be written: no space left on device\n",
+        b"eqt: error: standard output: cannot be written: no space left on device\n",
     ),
     "a document on a full stdout": (
         "config schema",
         ">/dev/full",
         2,
-        b"eqt: standard output: cannot be written: no space left on device\n",
+        b"eqt: error: standard output: cannot be written: no space left on device\n",
     ),
 }
 

@@ -104,7 +104,7 @@ def verify(
             record, pieces, passes = _verify_plant(*of_plant)
             print_findings(record, *pieces, json=json)
             if quiet and not (passes or json):
-                complain(f"eqt: {target}: {pieces[0]}")
+                complain(f"{target}: {pieces[0]}", "error")
             raise typer.Exit(0 if passes else 4)
         point = None  # the configuration is already that of the point
     workers = workers or options.cores()
@@ -131,7 +131,7 @@ def verify(
     causes = said or result.causes(result.experiment.titles)
     only_complaints = causes if quiet and not json else []
     for cause in only_complaints:
-        complain(f"eqt: {target}: {cause}")
+        complain(f"{target}: {cause}", "error")
     if result.failed_runs:
         raise typer.Exit(3)
     worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
@@ -178,7 +178,7 @@ def _verify_files(target: Path, *, json: bool) -> None:
     intact = {str(path): is_intact_file(path) for path in sorted(names)}
     damaged = [path for path, known in intact.items() if not known]
     for path in damaged:
-        complain(f"eqt: {path}: has other bytes than eqt wrote; copy it again or run it again")
+        complain(f"{path}: has other bytes than eqt wrote; copy it again or run it again", "error")
     counted = f"{target}: {len(damaged)} of {count_of(len(intact), 'file')} damaged"
     print_findings({"files": [*intact], "damaged": damaged}, counted, json=json)
     if damaged:
@@ -252,7 +252,7 @@ def margins(
     print_findings(findings, *_margins_pieces(result), json=json)
     if quiet and not json:
         for cause in causes:
-            complain(f"eqt: {config}: {cause}")
+            complain(f"{config}: {cause}", "error")
     if causes:
         raise typer.Exit(4)
 

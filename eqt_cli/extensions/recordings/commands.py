@@ -391,4 +391,4 @@ def _print_log(checked: LogCheck) -> None:
     output.print_text("\n".join(lines))
     output.print_text(*(f"note      {note}" for note in checked.notes))
     for problem in checked.problems:
-        output.complain(problem)
+        output.complain(problem, "error")

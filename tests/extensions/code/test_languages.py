@@ -478,4 +478,4 @@ def test_the_first_line_is_the_answer(python, eqt):
     assert eqt(*asked, "--fail-on", "differs").out.startswith(lacks)
     codes = {name: eqt(*asked, "--fail-on", name).code for name in ("lacks", "differs")}
     assert codes == {"lacks": 4, "differs": 0}
-    assert re.match("eqt: --fail-on: expected lacks or differs", eqt(*asked, "--fail-on", "x").err)
+    assert "--fail-on: expected lacks or differs" in eqt(*asked, "--fail-on", "x").err

@@ -179,5 +179,5 @@ def test_it_is_not_exported(written, config, eqt):
     written()
     Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
     assert says(
-        eqt("export", "c.yaml").err, "eqt: ours: the law is code in lee.c, not a formula…\n"
+        eqt("export", "c.yaml").err, "eqt: error: ours: the law is code in lee.c, not a formula…\n"
     )

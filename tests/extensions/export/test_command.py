@@ -106,7 +106,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
     before = (config.parent / "out" / "lee2010.c").stat().st_mtime_ns
     done = invoke(*command, code=2)
     assert says(
-        done.stderr, f"eqt: {Path('out', 'lee2010.h')}: exists, but eqt did not write it…\n"
+        done.stderr, f"eqt: error: {Path('out', 'lee2010.h')}: exists, but eqt did not write it…\n"
     )
     assert mine.read_text() == "/* my own */\n"
     assert (config.parent / "out" / "lee2010.c").stat().st_mtime_ns == before
@@ -114,7 +114,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
 
 @from_yaml
 def test_what_it_refuses(config, invoke, words, said):
-    assert says(invoke("export", "flight.yaml", *words, code=2).stderr, f"eqt: {said}\n")
+    assert says(invoke("export", "flight.yaml", *words, code=2).stderr, f"eqt: error: {said}\n")
     assert not (config.parent / "exported").exists()
 
 
@@ -175,7 +175,7 @@ def test_a_plugin_has_the_functions_that_it_calls(config, export_plugin, real):
 def test_a_law_that_cannot_be_traced_says_why(export_plugin):
     done = export_plugin("if s.V_tilde[..., 0].max() > 1 else s.V_tilde", code=2)
     assert done.stderr.endswith(
-        "eqt: controller 'careful' cannot be compiled: TypeError: '>' not supported between "
+        "eqt: error: controller 'careful' cannot be compiled: TypeError: '>' not supported between "
         "instances of 'Symbol' and 'int' at careful.py:13: return -2.0 * s.V_tilde if s.V_tilde["
         "..., 0].max() > 1 else s.V_tilde; write it with operators, @ and the functions of "
         "eqt_cli.base.arrays, or use `engine: solve_ivp`\n"
@@ -251,6 +251,6 @@ def test_it_follows_no_link(config, invoke):
     (config.parent / "out").mkdir()
     (config.parent / "out" / "lee2010.h").symlink_to(other)
     done = invoke("export", "flight.yaml", "--out", "out", "--controller", "lee2010", code=2)
-    assert says(done.stderr, f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link…\n")
+    assert says(done.stderr, f"eqt: error: {Path('out', 'lee2010.h')}: is a symbolic link…\n")
     assert other.read_text(encoding="utf-8") == "/* Exported by eqt: somebody else's */\n"
     assert len(list((config.parent / "out").iterdir())) == 1

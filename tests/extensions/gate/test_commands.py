@@ -88,7 +88,7 @@ def gate(changed, tmp_path, monkeypatch, invoke):
 @from_yaml
 def test_a_slip_gets_a_sentence_that_helps(gate, tmp_path, words, message):
     said = gate(*words, code=2).stderr.replace(f"{tmp_path}/", "")
-    assert mentions(said, f"eqt: {message}")
+    assert mentions(said, f"eqt: error: {message}")
 
 
 def test_the_bounds_are_those_of_the_paired_t_test(gate, changed):

@@ -83,7 +83,7 @@ def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt, folder):
     assert (done.code, done.err) == (4, "")
     assert " ".join(table(done.out)[1]) == "EqT 1.05537 - - - - unstable"
     quiet = eqt("margins", *unstable, "--quiet")
-    said = "eqt: late.yaml: the loop of 'eqt' is unstable\n"
+    said = "eqt: error: late.yaml: the loop of 'eqt' is unstable\n"
     assert (quiet.code, quiet.out, quiet.err) == (4, "", said)
     checked = eqt("config", "check", *unstable)
     where = "eqt: warning: --set controllers=[eqt]: controllers: the loop of 'eqt' is unstable…"
@@ -178,7 +178,7 @@ def test_margins_of_a_reference_that_leaves_the_real_numbers(refused):
 def test_a_loop_with_a_long_delay_is_too_large(refused):
     """Six states of the motion, and three for every command that waits."""
     assert refused("margins", "c.yaml", "--set", "control={period: 0.001, delay: 999}") == (
-        "eqt: the linearised loop has 3,006 states, because what waits for a delay counts, and at "
+        "the linearised loop has 3,006 states, because what waits for a delay counts, and at "
         "most 300 are computed; take fewer ticks of delay, or a longer control.period\n"
     )
 
@@ -188,7 +188,7 @@ def test_a_law_that_jumps_at_its_reference_has_no_margins(eqt, refused, folder, 
     (folder / "jumps.py").write_text(JUMPS)
     law = ("--set", "plugins=[jumps.py]", "--set", "controllers=[jumps]", "--set")
     assert refused("margins", "c.yaml", *law, f"control={control}").endswith(
-        "eqt: the loop of 'jumps' has no derivative where all errors are 0, for example because "
+        "the loop of 'jumps' has no derivative where all errors are 0, for example because "
         "its law jumps there; leave this law out\n"
     )
     assert "derivative" not in eqt("config", "check", "c.yaml", *law, f"control={control}").err
@@ -214,7 +214,7 @@ def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt, refused, fol
         "a.any() or a.all() at branches.py:9: return super().memory_rate(s) if s.t < 1 else "
         '{"integral": 0 * s.P}\n'
     )
-    assert refused("margins", "c.yaml", *law) == f"eqt: {why}"
+    assert refused("margins", "c.yaml", *law) == why
     checked = eqt("config", "check", "c.yaml", *law)
     place = "--set controllers=[branches]: controllers"
     said = f"eqt: warning: {place}: loops cannot be linearised: {why}"
@@ -235,7 +235,7 @@ slowest constant V_d: no proof in the box can exceed its rate; below 0 it is uns
 
 def test_each_of_several_values_is_a_number(refused):
     said = refused("margins", "c.yaml", "--velocity", "1", "--velocity", "inf")
-    assert said == "eqt: --velocity: expected a number, got inf\n"
+    assert said == "--velocity: expected a number, got inf\n"
 
 
 def test_certified_rates_as_text_and_as_json(eqt):

@@ -149,9 +149,9 @@ def test_plugins_of_a_result_are_executed_on_request_and_quiet_prints_only_what_
     done = eqt("verify", "results/c", "--trust-plugins", "--quiet")
     assert (done.code, done.out) == (4, "")
     assert done.err.splitlines() == [
-        "eqt: results/c: Theorems 3.2, 6.2: rate of L (Away) fails",
-        "eqt: results/c: Theorems 3.2, 6.2: energy balance (Away) fails",
-        "eqt: results/c: measured on the runs: tracks (Away) fails",
+        "results/c: Theorems 3.2, 6.2: rate of L (Away) fails",
+        "eqt: error: results/c: Theorems 3.2, 6.2: energy balance (Away) fails",
+        "eqt: error: results/c: measured on the runs: tracks (Away) fails",
     ]
 
 
@@ -207,8 +207,7 @@ def test_a_result_is_verified_as_it_is(eqt, refused):
     eqt("run", "c.yaml", "--quiet")
     for option in (("--set", "gains.kp=2"), ("--engine", "native"), ("--runs", "2")):
         assert says(
-            refused("verify", "results/c", *option),
-            "eqt: results/c: a result is verified as it is…\n",
+            refused("verify", "results/c", *option), "results/c: a result is verified as it is…\n"
         )
 
 
@@ -305,5 +304,5 @@ def test_the_result_of_a_sweep_is_refused(eqt, refused):
     eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet")
     assert says(
         refused("verify", "swept"),
-        f"eqt: {Path('swept/results.h5')}: one experiment is verified, and this is…\n",
+        f"{Path('swept/results.h5')}: one experiment is verified, and this is…\n",
     )

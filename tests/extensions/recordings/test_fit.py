@@ -171,7 +171,7 @@ def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
 @pytest.mark.ci("fits a plant again")
 def test_keys_of_the_command_have_no_values(refused):
     said = refused("fit", "c.yaml", "--measured", "m.csv", "--over", "gains=[1,2]")
-    assert said == "eqt: --over: expected keys without values, such as 'gains', got 'gains=[1,2]'\n"
+    assert said == "--over: expected keys without values, such as 'gains', got 'gains=[1,2]'\n"
 
 
 def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):

@@ -83,7 +83,7 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
 @from_yaml
 def test_what_is_refused(command, options, said, invoke, paper_result, log):
     found = invoke(command, paper_result, *options, code=2)
-    assert says(found.stderr.replace(str(paper_result), "RESULT"), f"eqt: {said}\n")
+    assert says(found.stderr.replace(str(paper_result), "RESULT"), f"eqt: error: {said}\n")
 
 
 @pytest.mark.ci("runs a sweep")
@@ -91,5 +91,5 @@ def test_a_sweep_needs_a_point(invoke, swept_result, log):
     found = invoke("compare", swept_result, "--measured", log, code=2)
     assert says(
         found.stderr.replace(str(swept_result), "RESULT"),
-        "eqt: RESULT/results.h5: a comparison with a recording needs a…\n",
+        "eqt: error: RESULT/results.h5: a comparison with a recording needs a…\n",
     )

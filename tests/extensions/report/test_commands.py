@@ -31,7 +31,7 @@ def twin(eqt, config):
 def test_a_group_of_a_plugin_must_be_trusted(eqt, refused, forget_plugins):
     forget_plugins()
     said = refused("animate", "results/c")
-    assert said.startswith("eqt: unknown group 'Twin'")
+    assert said.startswith("unknown group 'Twin'")
     assert said.endswith(
         "; the result holds plugins, which are executed only on request; read them with "
         "`eqt show --plugins`, then add --trust-plugins\n"
@@ -65,7 +65,7 @@ def test_a_point_of_a_sweep_is_shown_as_an_experiment(eqt, refused, config, key)
     assert done.out.startswith(f"animation  {folder / 'run0.gif'}  (")
     assert says(
         refused("animate", "out"),
-        f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments…\n",
+        f"{Path('out/results.h5')}: figure 'animation' shows single experiments…\n",
     )
 
 
@@ -77,7 +77,7 @@ def test_animate_writes_a_gif(invoke, paper_result, tmp_path):
 
 
 def test_a_report_takes_one_result(refused):
-    assert says(refused("report", "a", "b", "c"), "eqt: report takes one result…\n")
+    assert says(refused("report", "a", "b", "c"), "report takes one result…\n")
 
 
 @pytest.mark.ci("runs another experiment")

@@ -24,7 +24,7 @@ def _no_work(monkeypatch):
 def test_a_report_replaces_no_file_of_others(refused, result, name):
     Path("mine.html").write_text("<!DOCTYPE html>\n<title>eqt</title>\n", encoding="utf-8")
     before = Path(name).read_bytes()
-    assert refused("report", result, "--out", name) == f"eqt: {Path(name)}: {FOREIGN}\n"
+    assert refused("report", result, "--out", name) == f"{Path(name)}: {FOREIGN}\n"
     assert Path(name).read_bytes() == before
 
 
@@ -32,7 +32,7 @@ def test_a_report_replaces_no_file_of_others(refused, result, name):
 @pytest.mark.parametrize("name", [".", "out"])
 def test_a_report_is_a_file_and_no_folder(refused, result, name):
     example = Path(name) / "report.html"
-    expected = f"eqt: {name}: is a folder; expected a file, such as {example}\n"
+    expected = f"{name}: is a folder; expected a file, such as {example}\n"
     assert refused("report", result, "--out", name) == expected
 
 
@@ -41,7 +41,7 @@ def test_an_animation_replaces_no_file_of_others(refused, result):
     path = Path("out/figures/run0.gif")
     path.parent.mkdir()
     path.write_text("GIF89a of mine", encoding="utf-8")
-    assert refused("animate", result) == f"eqt: {path}: {FOREIGN}\n"
+    assert refused("animate", result) == f"{path}: {FOREIGN}\n"
 
 
 @pytest.mark.ci("writes two reports and two animations")

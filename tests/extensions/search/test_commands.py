@@ -158,7 +158,7 @@ def worst(folder, monkeypatch):
 def test_an_angle_to_prove_is_refused_before_the_search(refused, worst):
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     said = refused("worst", worst, "--certified", "200")
-    assert said == "eqt: the angle of a start: expected 0 to below 180 deg, got 200\n"
+    assert said == "the angle of a start: expected 0 to below 180 deg, got 200\n"
 
 
 def test_worst_prints_what_was_found_and_draws_it(eqt, worst):
