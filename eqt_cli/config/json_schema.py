@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
-from eqt_cli.base.errors import EqtError, parse_key, suggestion
+from eqt_cli.base.errors import EqtError, KeyPath, parse_key, suggestion
 from eqt_cli.base.option_types import Kind, Scale, has_options, option_names, owners
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.base.reporting import listed
@@ -27,12 +27,19 @@ from eqt_cli.engines.engine import SolverChecks, engines
 
 
 def scale_of(config: Any, key: str) -> Scale | None:
-    """Return the scale of a key in a configuration with every default; None where it has none.
+    """Return the scale of a key in a configuration with every default; None where it has none."""
+    metadata = getattr(type_of(config, parse_key(key))[0], "__metadata__", ())
+    return next((entry for entry in metadata if isinstance(entry, Scale)), None)
+
+
+def type_of(config: Any, path: KeyPath) -> tuple[Any, Kind | None]:
+    """Return the type of an option, with its marks, and the kind of component that has it.
 
     An option of a plugin that is not loaded has none.
     """
-    *steps, option = parse_key(key)
+    *steps, option = path
     kind: Any = Config
+    part: Kind | None = None
     for step in steps:
         try:
             config = config[step]
@@ -43,8 +50,7 @@ def scale_of(config: Any, key: str) -> Scale | None:
         if isinstance(config, dict) and (part := _kind_in(kind)):
             name = config.get("kind", config.get("engine"))
             kind = next((kind for kind in part.registry.all() if kind.name == name), None)
-    metadata = getattr(_hints(kind).get(option), "__metadata__", ())
-    return next((entry for entry in metadata if isinstance(entry, Scale)), None)
+    return _hints(kind).get(option), part
 
 
 def _kind_in(hint: Any) -> Kind | None:

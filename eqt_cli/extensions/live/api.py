@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eqt_cli.api.loading import load_experiment, open_at
 from eqt_cli.api.running import run
@@ -16,12 +16,8 @@ from eqt_cli.base.files import FILE_NAME, check_targets, write_all
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.yaml_source import flow
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Engine
-from eqt_cli.engines.native import SMALLEST_RTOL, Native
+from eqt_cli.engines.native import Native
 from eqt_cli.results.result import Result
-
-if TYPE_CHECKING:
-    from eqt_cli.extensions.live.document import LivePage
 
 
 def live(
@@ -69,75 +65,62 @@ def live(
     >>> eqt_cli.live("configs/paper.yaml", "paper.html", keys={"gains.kp": "0.1:10"}).name
     'paper.html'
     """
-    from eqt_cli.extensions.live import document, wasm
+    from eqt_cli.extensions.live import sliders, wasm
+    from eqt_cli.extensions.live.document import LivePage, blank_result, experiments, for_a_page
 
-    config, out, overrides = Path(config), Path(out), dict(overrides or {})
+    config, out, overrides, keys = Path(config), Path(out), dict(overrides or {}), keys or {}
     check_targets([out], out.parent)
     wasm.command()
     study = load_experiment(config, overrides)
     if study.sweep is not None:
         reporter().remark(EqtWarning(f"{config}: the page is written without its sweep"))
         overrides["sweep"] = None
-        study = load_experiment(config, overrides)
-    document.check_keys(study, keys or {})
+    for key, range_ in keys.items():
+        sliders.slider_of(study.document.data, key, range_)
     words = ["eqt", "run", config.name if config.is_absolute() else str(config)]
     for key, value in overrides.items():
         words += ["--set", f"{key}={flow(value)}"]
+    words += _engine(study)
+    load = experiments(study.document)
+    is_result = (config / FILE_NAME).exists() or config.suffix == ".h5"
     with ExitStack() as opened:
-        is_result = (config / FILE_NAME).exists() or config.suffix == ".h5"
         if is_result and not overrides:
             result = opened.enter_context(open_at(config))
+            load = for_a_page(load, result["status"].shape[1])
+            ready = LivePage(load, result, words).made_ready(keys)
         else:
+            # What cannot go live is refused before anything runs.
+            load = for_a_page(load)
+            experiment = load({"store.trajectories": 1})
+            form = opened.enter_context(blank_result(experiment))
+            ready = LivePage(load, form, words).made_ready(keys)
             folder = opened.enter_context(tempfile.TemporaryDirectory())
-            runs = {"ensemble.runs": document.runs_of(study), "store.trajectories": 1}
-            changed = {**overrides, **_engine(study.base.engine), **runs}
-            run(load_experiment(config, changed), folder, workers=workers)
+            run(experiment, folder, workers=workers)
             result = opened.enter_context(open_at(folder))
-
-        def load(setting: Mapping[str, Any]) -> Study:
-            return load_experiment(config, {**overrides, **setting})
-
-        text = _page(load, result, words).whole(keys or {}, title)
+        text = ready.whole(result, title)
     write_all({out: text.encode()}, out.parent)
     return out
 
 
 def report_part(result: Result, trusted: bool = False) -> dict[str, str]:
     """Return the part of a report with sliders, its `html` and `css`; raises as `live`."""
-    from eqt_cli.config.document import document_of, overridden
-    from eqt_cli.config.study import study
+    from eqt_cli.config.document import document_of
     from eqt_cli.extensions.live import wasm
+    from eqt_cli.extensions.live.document import LivePage, experiments, for_a_page
 
     if result.is_sweep:
         raise EqtError("--live: applies to one experiment; choose a point with --point")
     wasm.command()
-    stored = document_of(result, trusted)
-
-    def changed(setting: Mapping[str, Any]) -> Study:
-        return study(overridden(stored, [f"{key}={flow(x)}" for key, x in setting.items()]))
-
+    load = experiments(document_of(result, trusted))
     # The report offers its configuration under this name.
-    return _page(changed, result, ["eqt", "run", "config.yaml"]).part()
+    words = ["eqt", "run", "config.yaml", *_engine(load({}))]
+    load = for_a_page(load, result["status"].shape[1])
+    return LivePage(load, result, words).made_ready({}).part(result)
 
 
-def _page(
-    load: Callable[[Mapping[str, Any]], Study], result: Result, command: list[str]
-) -> LivePage:
-    """Return the page of a result; `load` gives its experiment with other values of keys."""
-    from eqt_cli.extensions.live.document import LivePage
-
-    engine = load({}).base.engine
-    command += [] if isinstance(engine, Native) else ["--engine", "native"]
-    settings = {"ensemble.runs": result["status"].shape[1], **_engine(engine)}
-    return LivePage(lambda setting: load({**settings, **setting}), result, command)
-
-
-def _engine(engine: Engine) -> dict[str, Any]:
-    """Return the settings by which the engine native computes what another engine does."""
-    if isinstance(engine, Native):
-        return {}
-    rtol, atol = max(engine.rtol, SMALLEST_RTOL), getattr(engine, "atol", 1e-12)
-    return {"solver": {"engine": "native", "rtol": rtol, "atol": atol}}
+def _engine(experiment: Study) -> list[str]:
+    """Return the words that choose the engine of the page."""
+    return [] if isinstance(experiment.base.engine, Native) else ["--engine", "native"]
 
 
 def ranges(texts: Sequence[str]) -> dict[str, str]:

@@ -4,32 +4,47 @@ from __future__ import annotations
 
 import gzip
 import shlex
+import tempfile
 import time
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.arrays import Array, Arrays
-from eqt_cli.base.errors import EqtError, EqtWarning, parse_key
+from eqt_cli.base.errors import EqtError, EqtWarning, Problems
+from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import reporter
+from eqt_cli.base.yaml_source import flow
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
-from eqt_cli.config.document import value_at
-from eqt_cli.config.study import Study
-from eqt_cli.engines.native import STEP_SHARE, Native
+from eqt_cli.config.document import Document, overridden
+from eqt_cli.config.study import Study, study
+from eqt_cli.engines.engine import Engine
+from eqt_cli.engines.native import SMALLEST_RTOL, STEP_SHARE, Native
 from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
-from eqt_cli.extensions.live import section, sliders, wasm
+from eqt_cli.extensions.live import sliders, wasm
 from eqt_cli.extensions.live.programs import DIVERGED, LiveLoop, numbers_of
 from eqt_cli.extensions.live.sliders import Effect, Range, Slider
+from eqt_cli.extensions.live.units import unit_of
 from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.document import page
 from eqt_cli.extensions.report.scenes import INERTIAL, motion, scene_of
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first
+from eqt_cli.runs.folder import blanks, described, new_result_file
+
+Experiments: TypeAlias = Callable[[Mapping[str, Any]], Study]
+"""Returns an experiment with other values of keys, by key."""
+
+Moving: TypeAlias = Sequence[tuple[Slider, list[Effect]]]
+"""Sliders with what follows each."""
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -60,45 +75,94 @@ def runs_of(study: Study) -> int:
     return runs
 
 
-def check_keys(study: Study, keys: Mapping[str, Range]) -> None:
-    """Check the keys to move and their ranges before anything runs.
+def experiments(document: Document) -> Experiments:
+    """Return what gives the experiment of a configuration with other values of keys."""
+
+    def changed(setting: Mapping[str, Any]) -> Study:
+        return study(overridden(document, [f"{key}={flow(x)}" for key, x in setting.items()]))
+
+    return changed
+
+
+def for_a_page(load: Experiments, runs: int | None = None) -> Experiments:
+    """Return what gives an experiment as a page runs it: so many runs, by the engine native."""
+    alone = {"sweep": None}
+    base = load(alone)
+    settings = {**alone, "ensemble.runs": runs or runs_of(base), **native(base.base.engine)}
+    return lambda setting: load({**settings, **setting})
+
+
+def native(engine: Engine) -> dict[str, Any]:
+    """Return the settings by which the engine native computes what another engine does."""
+    if isinstance(engine, Native):
+        return {}
+    rtol, atol = max(engine.rtol, SMALLEST_RTOL), getattr(engine, "atol", 1e-12)
+    return {"solver": {"engine": "native", "rtol": rtol, "atol": atol}}
+
+
+@contextmanager
+def blank_result(experiment: Study) -> Iterator[Result]:
+    """Open the result of an experiment before it runs: everything but its numbers."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / FILE_NAME
+        with new_result_file(experiment, path) as file:
+            for name, variable in blanks(experiment).items():
+                none = "" if variable.dtype is None else 0
+                shape = file.shape(name)
+                file.put(name, np.full(shape, none, variable.dtype or object))
+            file.describe(described(experiment, {}))
+        with open_at(folder) as result:
+            yield result
+
+
+class LivePage:
+    """The page of an experiment, made ready before anything runs.
+
+    Parameters
+    ----------
+    load
+        Returns the experiment with other values of keys, by key.
+    form
+        A result of the experiment; its numbers are not read.
+    command
+        The words of the command that runs the experiment in eqt.
 
     Raises
     ------
     EqtError
-        With the place of one that the configuration names.
-    """
-    for key, range_ in keys.items():
-        Slider.of(key, value_at(study.document.data, parse_key(key)), range_)
-    if not keys:
-        section.check(study.document)
-
-
-class LivePage:
-    """The page of an experiment.
-
-    Parameters
-    ----------
-    moved
-        Returns the study with other values of keys, by key.
-    result
-        What eqt computed of the experiment, by the same engine or another one.
-    command
-        The words of the command that runs the experiment in eqt.
+        If the experiment cannot run in a page; it says why.
     """
 
-    def __init__(
-        self, moved: Callable[[Mapping[str, Any]], Study], result: Result, command: Sequence[str]
-    ) -> None:
-        self.moved, self.result, self.command = moved, result, command
-        self.study = moved({})
-        self.runs = min(runs_of(self.study), len(result["status"][0]))
-        self.panels = _panels(result)
-        self.settles = [name for name in ("settled", "settling_time") if result.has(name)][:1]
-        self.shown = [*self.settles, *compared_first(result)]
+    def __init__(self, load: Experiments, form: Result, command: Sequence[str]) -> None:
+        self.load, self.command = load, command
+        self.study = load({})
+        if self.study.base.config.failed_when:
+            raise EqtError(
+                "failed_when: runs in a page do not end at a bound, so that they would differ from "
+                "eqt run; leave it out by --set failed_when=null"
+            )
+        self.runs = min(runs_of(self.study), len(form["status"][0]))
+        self.panels = _panels(form)
+        self.settles = [name for name in ("settled", "settling_time") if form.has(name)][:1]
+        self.shown = [*self.settles, *compared_first(form)]
+        with np.errstate(all="ignore"):
+            self.loops = {
+                label: LiveLoop(self.study, label, self.panels, self.shown)
+                for label in self.study.base.loops
+            }
+            self.base = self.numbers({})
+        self.rules = sliders.inverses(self.loops, self.base)
+        self.of_keys: list[tuple[Slider, list[Effect]]] = []
+        self.modules: list[dict[str, Any]] = []
+        self.tables = dict[str, Array]()
 
-    def whole(self, keys: Mapping[str, Range], title: str = "") -> str:
-        """Return a page of its own.
+    def numbers(self, setting: Mapping[str, Any]) -> dict[str, Array]:
+        """Return all that the programs take of a setting, of 64 bits."""
+        with np.errstate(all="ignore"):
+            return numbers_of(self.load(setting), self.loops, self.runs)
+
+    def made_ready(self, keys: Mapping[str, Range]) -> LivePage:
+        """Find what sliders move, and compile the programs; return the page itself.
 
         Parameters
         ----------
@@ -108,67 +172,127 @@ class LivePage:
         Raises
         ------
         EqtError
-            If the experiment cannot run in a page, or a key cannot be moved; it says why.
+            If a key cannot be moved, or a program cannot be compiled; it says why.
         """
+        with reporter().busy("finding what sliders move"):
+            self.of_keys = self._moving(keys)
+        self.modules, self.tables = _modules(self.loops, self.base, self.of_keys)
+        return self
+
+    def try_keys(self, keys: Mapping[str, Range], problems: Problems) -> None:
+        """Note which keys no slider can move, and why, without the tables of a page."""
+        made: list[tuple[Slider, list[Effect]]] = []
+        for key, range_ in keys.items():
+            try:
+                made.append(self._moved(key, range_, made, few=True))
+            except EqtError as error:
+                problems.at(key).add(_without(key, error))
+        if not problems:
+            try:
+                sliders.checked(made, self.rules, self.numbers, self.base)
+            except EqtError as error:
+                problems.add(str(error.args[0]))
+
+    def _moved(
+        self,
+        key: str,
+        range_: Range,
+        others: Moving,
+        *,
+        few: bool = False,
+        is_requested: bool = True,
+    ) -> tuple[Slider, list[Effect]]:
+        """Return the slider of a key with what follows it and none of the others."""
+        slider = sliders.slider_of(self.study.document.data, key, range_)
+        slider = slider.few if few else slider
+        of_key = sliders.effects(
+            slider, self.numbers, self.base, self.rules, is_requested=is_requested
+        )
+        sliders.disjoint(others, slider, of_key)
+        return slider, of_key
+
+    def _moving(self, keys: Mapping[str, Range]) -> list[tuple[Slider, list[Effect]]]:
+        """Return the sliders with what follows them; of the usual keys those that can be moved."""
+        data = self.study.document.data
+        of_configuration = {} if keys else data.get("live") or {}
+        keys = keys or of_configuration
+        usual = [] if keys else list(sliders.usual_keys(data))
+        made: list[tuple[Slider, list[Effect]]] = []
+        begun = time.process_time()
+        for place, key in enumerate(keys or usual):
+            if usual and time.process_time() - begun > sliders.MOST_SECONDS_OF_ALL:
+                why = "those before took long; ask for it by --key or `live`"
+                reporter().remark(EqtWarning(f"no slider for {', '.join(usual[place:])}: {why}"))
+                break
+            try:
+                made.append(self._moved(key, keys.get(key), made, is_requested=bool(keys)))
+            except EqtError as error:
+                if of_configuration:
+                    problems = Problems(self.study.document.place)
+                    problems.at("live", key).add(_without(key, error))
+                    problems.raise_if_any()
+                if keys:
+                    raise
+                reporter().remark(EqtWarning(f"no slider for {error}"))
+            if len(made) == sliders.MOST_KEYS and not keys:
+                break
+        while made:
+            try:
+                sliders.checked(made, self.rules, self.numbers, self.base)
+                break
+            except EqtError as error:
+                if keys:
+                    raise
+                reporter().remark(EqtWarning(f"no slider for {made.pop()[0].key}: {error}"))
+        return made
+
+    def whole(self, result: Result, title: str = "") -> str:
+        """Return a page of its own with the numbers of a result."""
         return page(
             TEMPLATES / "live.html.j2",
             ["report.css", "live.css"],
             "live.js",
-            title=title or summary.called(self.result),
-            group=self.result.group_name,
+            title=title or summary.called(result),
+            group=result.group_name,
             digest=self.study.digest[:12],
-            laws=summary.laws(self.result),
-            terms=self._terms(),
-            paper=str(self.result.attributes.get("references", "")),
+            laws=summary.laws(result),
+            terms=self._terms(result),
+            paper=str(result.attributes.get("references", "")),
             configuration="",
-            stated=summary.stated_values(self.result),
-            **self._values(keys),
+            stated=summary.stated_values(result),
+            **self._values(result),
         )
 
-    def part(self) -> dict[str, str]:
-        """Return the part of a report, its `html` and `css`; raises as `whole`."""
+    def part(self, result: Result) -> dict[str, str]:
+        """Return the part of a report, its `html` and `css`."""
         html = page(
             TEMPLATES / "part.html.j2",
             [],
             "live.js",
             configuration="#provenance",
-            **self._values({}),
+            **self._values(result),
         )
         css = (TEMPLATES / "live.css").read_text(encoding="utf-8")
         return {"html": Markup(html), "css": Markup(css)}
 
-    def _values(self, keys: Mapping[str, Range]) -> dict[str, Any]:
+    def _values(self, result: Result) -> dict[str, Any]:
         """Return what the template of the part takes."""
-        study, result, shown, runs = self.study, self.result, self.shown, self.runs
-        engine = study.base.engine
+        shown, runs, engine = self.shown, self.runs, self.study.base.engine
         assert isinstance(engine, Native)
-        if study.base.config.failed_when:
-            raise EqtError(
-                "failed_when: runs in a page do not end at a bound, so that they would differ from "
-                "eqt run; leave it out by --set failed_when=null"
-            )
-        with np.errstate(all="ignore"):
-            loops = {
-                label: LiveLoop(study, label, self.panels, shown) for label in study.base.loops
-            }
-            base = numbers_of(study, loops, runs)
-            rules = sliders.inverses(loops, base)
-
-            def numbers(setting: Mapping[str, Any]) -> dict[str, Array]:
-                return numbers_of(self.moved(setting), loops, runs)
-
-            with reporter().busy("finding what sliders move"):
-                of_keys = _moving(study, keys, numbers, base, rules)
-        modules, tables = _modules(loops, base, of_keys)
-        tables |= base
+        tables = self.tables | self.base
         tables["expected"] = np.stack([result[name][:, :runs] for name in shown], axis=-1)
         tables["status"] = np.array(result["status"][:, :runs], float)
         steps = max(1, int(result["steps"][:, :runs].max()))
         packed, index = _packed(tables)
         data = {
-            "modules": modules,
-            "keys": [_key(slider, of_key) for slider, of_key in of_keys],
-            "inverses": [asdict(rule) for rule in rules],
+            "modules": self.modules,
+            "keys": [
+                {"key": slider.key, "unit": slider.unit, "shown": self._unit(slider)}
+                | {"values": slider.values, "base": slider.values.index(slider.base)}
+                | {"effects": [asdict(effect) for effect in of_key]}
+                for slider, of_key in self.of_keys
+            ],
+            "inverses": [asdict(rule) for rule in self.rules],
             "laws": summary.looks(result),
             "columns": [
                 column | (_COUNTED if name in self.settles else {"counts": False})
@@ -186,14 +310,18 @@ class LivePage:
             "engine": _other_engine(result),
             "times": result.times.tolist(),
             "command": shlex.join(self.command),
-            "scene": _scene(result, study.base.group),
+            "scene": _scene(result, self.study.base.group),
         }
         worker = (TEMPLATES / "compute.js").read_text(encoding="utf-8")
         return {"data": data, "worker": worker, "tables": _expected(tables, data)}
 
-    def _terms(self) -> dict[str, str]:
+    def _unit(self, slider: Slider) -> str:
+        """Return the unit of a slider: as it is written, or that of its key."""
+        return Plain().unit(slider.unit) or unit_of(self.study, slider.key)
+
+    def _terms(self, result: Result) -> dict[str, str]:
         """Return what the heads of the table and of the curves mean, by head."""
-        terms, result = {}, self.result
+        terms = {}
         for name in self.settles:
             threshold = summary.in_words(result.config.get("settling_threshold"))
             symbol = result.quantity(name).symbol.plain or "the error"
@@ -202,6 +330,11 @@ class LivePage:
             name = column["metric"]
             terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
         return terms
+
+
+def _without(key: str, error: EqtError) -> str:
+    """Return what is wrong with a key, which stands before it."""
+    return str(error.args[0]).removeprefix(f"{key}: ")
 
 
 def _other_engine(result: Result) -> str:
@@ -215,46 +348,6 @@ def _panels(result: Result) -> list[str]:
     for name in ("pose_error", "torque_norm"):
         names += [name for name in result.in_parts(name) if result.has(name)]
     return names + [name for name in SIGNALS if result.has(name)]
-
-
-def _moving(
-    study: Study,
-    keys: Mapping[str, Range],
-    numbers: sliders.Numbers,
-    base: Arrays,
-    rules: list[sliders.Inverse],
-) -> list[tuple[Slider, list[Effect]]]:
-    """Return the sliders with what follows them; of the usual keys those that can be moved."""
-    data = study.document.data
-    keys = keys or data.get("live") or {}
-    usual = [] if keys else list(sliders.usual_keys(data))
-    made: list[tuple[Slider, list[Effect]]] = []
-    begun = time.process_time()
-    for place, key in enumerate(keys or usual):
-        if usual and time.process_time() - begun > sliders.MOST_SECONDS_OF_ALL:
-            why = "those before took long; ask for it by --key or `live`"
-            reporter().remark(EqtWarning(f"no slider for {', '.join(usual[place:])}: {why}"))
-            break
-        try:
-            slider = Slider.of(key, value_at(data, parse_key(key)), keys.get(key))
-            of_key = sliders.effects(slider, numbers, base, rules, is_requested=bool(keys))
-            sliders.disjoint(made, slider, of_key)
-            made.append((slider, of_key))
-        except EqtError as error:
-            if keys:
-                raise
-            reporter().remark(EqtWarning(f"no slider for {error}"))
-        if len(made) == sliders.MOST_KEYS and not keys:
-            break
-    while made:
-        try:
-            sliders.checked(made, rules, numbers, base)
-            break
-        except EqtError as error:
-            if keys:
-                raise
-            reporter().remark(EqtWarning(f"no slider for {made.pop()[0].key}: {error}"))
-    return made
 
 
 def _modules(
@@ -314,16 +407,6 @@ def _packed(tables: Arrays) -> tuple[str, dict[str, tuple[int, int, int]]]:
 
 def _base64(content: bytes) -> str:
     return b64encode(gzip.compress(content, 9, mtime=0)).decode("ascii")
-
-
-def _key(slider: Slider, of_key: list[Effect]) -> dict[str, Any]:
-    return {
-        "key": slider.key,
-        "unit": slider.unit,
-        "values": slider.values,
-        "base": slider.values.index(slider.base),
-        "effects": [asdict(effect) for effect in of_key],
-    }
 
 
 def _expected(tables: Arrays, data: Mapping[str, Any]) -> list[list[str]]:

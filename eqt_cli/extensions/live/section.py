@@ -1,32 +1,35 @@
 """The check of the section `live`; it loads no engine for a configuration without one."""
 
-from eqt_cli.base.errors import EqtError, Problems, parse_key
-from eqt_cli.config.document import Document, value_at
-from eqt_cli.config.schema import SHAPES, marks_of, not_swept
+from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.config.document import Document
 
 
 def check(document: Document) -> None:
-    """Check the keys of `live` and their ranges.
-
-    Whether a key changes more than numbers, only `eqt live` finds out.
+    """Check whether a page can be made of an experiment, with the sliders that `live` names.
 
     Raises
     ------
     ConfigError
         With all that is wrong.
     """
-    problems = Problems(document.place)
-    for key, range_ in (document.data.get("live") or {}).items():
-        from eqt_cli.extensions.live.sliders import Slider
+    keys = document.data.get("live") or {}
+    if not keys:
+        return
+    from eqt_cli.extensions.live.sliders import slider_of
 
-        here = problems.at("live", key)
+    problems = Problems(document.place).at("live")
+    for key, range_ in keys.items():
         try:
-            path = parse_key(key)
-            why = not_swept(key) or (SHAPES in marks_of(key) and SHAPES.value)
-            if why:
-                here.add(f"no slider can move it; it {why}")
-            else:
-                Slider.of(key, value_at(document.data, path), range_)
+            slider_of(document.data, key, range_)
         except EqtError as error:
-            here.add(str(error.args[0]).removeprefix(f"{key}: "))
+            problems.at(key).add(str(error.args[0]).removeprefix(f"{key}: "))
+    problems.raise_if_any()
+    from eqt_cli.extensions.live.document import LivePage, blank_result, experiments, for_a_page
+
+    load = for_a_page(experiments(document))
+    with blank_result(load({})) as form:
+        try:
+            LivePage(load, form, []).try_keys(keys, problems)
+        except EqtError as error:
+            problems.add(str(error.args[0]), *error.remedies)
     problems.raise_if_any()

@@ -11,14 +11,16 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.base import units
 from eqt_cli.base.arrays import Array, Arrays
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import ConfigError, EqtError, parse_key
+from eqt_cli.config.document import value_at
+from eqt_cli.config.schema import SHAPES, marks_of, not_swept
 from eqt_cli.extensions.live.programs import LiveLoop
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.rounded import inverse as inverse_of
@@ -91,11 +93,43 @@ class Slider:
             raise EqtError(f"{key}: its range has {count:,} steps; at most {MOST_VALUES:,}")
         digits = max(0, 2 - math.floor(math.log10(step)))
         values = {round(low + k * step, digits) for k in range(count + 1)} | {high, base}
+        values = {value for value in values if low <= value <= high} | {low}
         return cls(key, sorted(values), base, unit)
 
+    @property
+    def few(self) -> Slider:
+        """The slider with the values alone at which its key is tried."""
+        low, high = self.values[0], self.values[-1]
+        places = (np.abs(np.array(self.values) - low - s * (high - low)).argmin() for s in SHARES)
+        return replace(self, values=sorted({self.base, *(self.values[place] for place in places)}))
+
     def setting(self, value: float) -> Any:
-        """Return a value as a configuration has it."""
-        return f"{value!r} {self.unit}" if self.unit else value
+        """Return a value as a configuration has it; a whole number as one."""
+        if self.unit:
+            return f"{value!r} {self.unit}"
+        return int(value) if value.is_integer() and abs(value) < 2**53 else value
+
+
+def slider_of(data: Mapping[str, Any], key: str, range_: Range = None) -> Slider:
+    """Return the slider of a key of a configuration.
+
+    Raises
+    ------
+    EqtError
+        If no slider can move the key, or the range is none.
+    """
+    path = parse_key(key)
+    why = not_swept(key) or (SHAPES in marks_of(key) and SHAPES.value) or _OF_ALL.get(str(path[0]))
+    why = "says how many there are, and a page has the same runs" if path == _RUNS else why
+    if why:
+        example = "expected a number that the runs take, as gains.kp"
+        raise EqtError(f"{key}: no slider can move it, since it {why}; {example}")
+    return Slider.of(key, value_at(data, path), range_)
+
+
+_RUNS = "ensemble", "runs"
+_OF_ALL = {"solver": "says how runs are integrated, and a page integrates all in one way"}
+"""Sections whose numbers a page has once for all settings."""
 
 
 def _number(value: Any) -> tuple[float, str] | None:
@@ -235,9 +269,7 @@ def effects(
     EqtError
         If none does, the key changes more than numbers, or its table is large and nobody asked.
     """
-    low, high = slider.values[0], slider.values[-1]
-    values = np.array(slider.values)
-    tried = [float(values[np.abs(values - low - s * (high - low)).argmin()]) for s in SHARES]
+    tried = [value for value in slider.few.values if value != slider.base]
     begun = time.process_time()
     probes = [_moved(slider, value, numbers, base) for value in tried]
     seconds = (time.process_time() - begun) / len(tried) * len(slider.values)
@@ -265,7 +297,9 @@ def effects(
             table = [row[name].ravel()[at].tolist() for row in rows]
             made.append(Effect(name, at.tolist(), table=table))
     if not made:
-        raise EqtError(f"{slider.key}: no number of a run follows it")
+        raise EqtError(
+            f"{slider.key}: no number that the runs take follows it; expected a key as gains.kp"
+        )
     return made
 
 
@@ -287,14 +321,18 @@ def _moved(slider: Slider, value: float, numbers: Numbers, base: Arrays) -> dict
     try:
         arrays = numbers({slider.key: slider.setting(value)})
     except EqtError as error:
-        raise EqtError(f"{slider.key}={value:g}: {_first(error)}") from error
+        raise EqtError(f"{slider.key}: at {value:g}: {_first(error, slider.key)}") from error
     if any(arrays[name].shape != array.shape for name, array in base.items()):
         raise EqtError(f"{slider.key}: it changes more than numbers of the runs")
     return arrays
 
 
-def _first(error: EqtError) -> str:
-    return str(error).splitlines()[0]
+def _first(error: EqtError, key: str) -> str:
+    """Return what is wrong at first, with its key if that is another one."""
+    if not isinstance(error, ConfigError):
+        return str(error).splitlines()[0]
+    problem = error.problems[0]
+    return problem.message if problem.path in ("", key) else f"{problem.path}: {problem.message}"
 
 
 def _factors(values: Array, entries: Array) -> Array:

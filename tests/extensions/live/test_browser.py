@@ -144,7 +144,7 @@ def test_keyboard_moves_a_slider_and_the_link_holds_it(page, pages, browser):
     slider = page.find_element(By.CSS_SELECTOR, "#live-sliders input[type=range]")
     slider.send_keys(Keys.ARROW_RIGHT * 4)
     value = settled(page).execute_script("return eqtLive.setting['gains.kp']")
-    assert value > 1 and slider.get_attribute("aria-valuetext") == f"gains.kp {value:g}"
+    assert value > 1 and slider.get_attribute("aria-valuetext") == f"gains.kp {value:g} N m"
     assert text(page, "#live-command").endswith(f"--set 'gains.kp={value:g}'")
     assert "better" in text(page, "#live-all") or "worse" in text(
         page, "#live-all"

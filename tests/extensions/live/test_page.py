@@ -4,6 +4,8 @@ import html
 import re
 
 import pytest
+from plugin_sources import ESCAPE
+from said import says
 from small_experiment import configuration
 
 from eqt_cli import api
@@ -44,19 +46,33 @@ def test_labels_are_text(folder, uncompiled):
     assert HOSTILE not in page and html.escape(HOSTILE, quote=False)[:12] in page
 
 
-@pytest.mark.ci("runs an experiment and traces its laws")
+@pytest.mark.ci("traces laws")
 @pytest.mark.parametrize(
     ("more", "keys", "said"),
     [
-        ({}, {"time.duration": "1:3"}, "time.duration"),
-        ({}, {"gains.kq": "1:3"}, "gains.kq: a slider moves a number"),
-        ({}, {"ensemble.seed": "0:9:1"}, "ensemble.seed"),
-        ({"live": "{gains.kq: [1, 3]}"}, {}, ": live.gains.kq: a slider moves a number"),
+        ({}, {"time.duration": "1:3"}, "time.duration: no slider…"),
+        ({}, {"ensemble.runs": "1:3:1"}, "ensemble.runs: no slider…gains.kp"),
+        ({}, {"gains.kq": "1:3"}, "gains.kq: a slider moves a number…"),
+        ({}, {"gains.kp": "-1:3"}, "gains.kp: at -1: must be positive…"),
+        ({}, {"settling_threshold": "0.01:1"}, "settling_threshold: …changes the program…"),
+        ({"live": "{gains.kq: [1, 3]}"}, {}, "…:…: live.gains.kq: a slider moves a number…"),
+        ({"live": "{ensemble.runs: [1, 3]}"}, {}, "…:…: live.ensemble.runs: no slider…"),
+        ({"failed_when": "{attitude: 170 deg}"}, {}, "failed_when: …--set failed_when=null"),
+        (
+            {"plugins": "[plugin.py]", "controllers": "[escape]"},
+            {},
+            "escape cannot run in a page: …is code of a plugin",
+        ),
     ],
 )
-def test_what_cannot_be_moved_says_why(folder, uncompiled, more, keys, said):
-    with pytest.raises(EqtError, match=re.escape(said)):
-        written(folder, configuration(**more), keys=keys)
+def test_what_cannot_go_live_is_refused_before_anything_runs(
+    folder, uncompiled, monkeypatch, more, keys, said
+):
+    monkeypatch.setattr("eqt_cli.extensions.live.api.run", None)
+    (folder / "plugin.py").write_text(ESCAPE, encoding="utf-8")
+    with pytest.raises(EqtError) as caught:
+        written(folder, configuration(settling_threshold=0.05, **more), keys=keys)
+    assert says(str(caught.value), said)
 
 
 @pytest.mark.ci("runs an experiment and traces its laws")

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from said import says
+from small_experiment import configuration
 
+from eqt_cli.api.loading import load_experiment
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.config.document import read_config
 from eqt_cli.extensions.live import sliders, wasm
 from eqt_cli.extensions.live.section import check
 from eqt_cli.extensions.live.sliders import Slider
+from eqt_cli.extensions.live.units import unit_of
 
 
 def test_values_are_round_and_have_the_ends_and_the_configured_one():
@@ -59,6 +62,8 @@ def test_wrong_range_is_refused_with_key_and_value(base, range_, said):
         ("gains.kq: [0, 1]", "3:3: live.gains.kq: …absent…"),
         ("initial.std: [1 deg, 2 deg]", "3:3: live.initial.std: …in deg, got…"),
         ("time.duration: [1, 2]", "3:3: live.time.duration: no slider…shapes…"),
+        ("ensemble.runs: [1, 2]", "3:3: live.ensemble.runs: no slider…gains.kp"),
+        ("solver.rtol: [1e-9, 1e-6]", "3:3: live.solver.rtol: no slider…"),
         ("name: [1, 2]", "3:3: live.name: no slider…"),
         ("a.: [1, 2]", "3:3: live.a.: expected a key…"),
     ],
@@ -71,6 +76,48 @@ def test_wrong_section_is_refused_at_its_place(tmp_path, range_, said):
     with pytest.raises(ConfigError) as caught:
         check(read_config(tmp_path / "c.yaml"))
     assert says(str(caught.value), f"{tmp_path / 'c.yaml'}:{said}")
+
+
+@pytest.mark.ci("traces laws")
+@pytest.mark.parametrize(
+    ("live", "said"),
+    [
+        ("{gains.kp: [-1, 3], gains.kd: }", "live.gains.kp: at -1: must be positive…"),
+        ("{control.delay: [0, 2, 1]}", "live.control.delay: …changes the program…"),
+        ("{gains.kp: }\nfailed_when: {attitude: 1}", "live: failed_when: …"),
+    ],
+)
+def test_check_tries_what_sliders_do(tmp_path, live, said):
+    text = configuration(control="{period: 20 ms, delay: 1}", live=live)
+    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        check(read_config(tmp_path / "c.yaml"))
+    assert says(str(caught.value), f"…:…: {said}")
+
+
+UNITS = {
+    "controllers[0].gains.kp": "N m",  # of a cascade: of its attitude alone
+    "controllers[0].gains.kd[2]": "N m s",
+    "controllers[0].position.kx": "1/s²",
+    "inertia[1]": "kg m²",
+    "inertia[3]": "kg",
+    "plant.forces[1].linear[3]": "N s/m",
+    "actuators[0].thrust_constant": "N s²/rad²",
+    "sensors.pose[0].std": "rad",
+    "sensors.pose[1].std": "m",
+    "sensors.velocity[0].std": "rad/s",
+    "sensors.velocity[1].value[0].normal[1]": "rad/s",
+    "sensors.accelerometer[0].std": "m/s²",
+    "initial.pose.std[5]": "m",
+    "initial.pose.std": "",  # of angles and lengths
+    "control.period": "s",
+    "ensemble.seed": "",
+}
+
+
+def test_unit_of_a_bare_number_is_that_of_its_key():
+    study = load_experiment("configs/quadrotor_gnss.yaml")
+    assert {key: unit_of(study, key) for key in UNITS} == UNITS
 
 
 def test_usual_keys_are_gains_moments_and_start():

@@ -3,7 +3,7 @@
 
 /**
  * @typedef {{ array: string, at: number[], by: number[] | null, table: number[][] | null }} Effect
- * @typedef {{ key: string, unit: string, values: number[], base: number, effects: Effect[] }} Key
+ * @typedef {{ key: string, unit: string, shown: string, values: number[], base: number, effects: Effect[] }} Key
  * @typedef {{ wasm: { fused: string, plain: string }, sizes: Record<string, number>, laws: string[],
  *   metrics: string[], kept: Record<string, [number, number[]]> }} Module
  * @typedef {{ array: string, matrix: number, inverse: number, size: number, row: number }} Inverse

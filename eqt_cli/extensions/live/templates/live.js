@@ -28,8 +28,10 @@
   /** @type {Record<string, number>} */
   const setting = {};
   const configured = () => Object.fromEntries(data.keys.map((key) => [key.key, key.values[key.base]]));
-  /** The value of a key with its unit. @param {any} key */
+  /** The value of a key as a configuration has it. @param {any} key */
   const valued = (key) => setting[key.key] + (key.unit && ` ${key.unit}`);
+  /** Text before a unit, where there is one. @param {string} before @param {string} unit */
+  const inUnit = (before, unit) => (unit ? `${before}${unit}` : "");
   const hidden = new Set();
 
   /** @param {string} name @param {Record<string, any>} attributes @param {...(Node | string)} children */
@@ -84,13 +86,13 @@
     const label = html(
       "label",
       { for: `live-key${k}`, title: key.key },
-      (name || key.key) + (key.unit ? ` (${key.unit})` : ""),
+      (name || key.key) + (key.shown ? ` (${key.shown})` : ""),
     );
     const range = html("input", { type: "range", id: `live-key${k}`, min: 0, max: key.values.length - 1, step: 1 });
     const box = html("input", {
       type: "number",
       step: "any",
-      "aria-label": `${key.key}, as a number`,
+      "aria-label": `${key.key}, as a number${inUnit(" in ", key.shown)}`,
       min: key.values[0],
       max: key.values[key.values.length - 1],
     });
@@ -102,7 +104,7 @@
       setting[key.key] = key.values[nearest];
       range.value = nearest;
       box.value = setting[key.key];
-      range.setAttribute("aria-valuetext", `${key.key} ${valued(key)}`);
+      range.setAttribute("aria-valuetext", `${key.key} ${setting[key.key]}${inUnit(" ", key.shown)}`);
     };
     range.addEventListener("input", () => {
       fields[key.key](key.values[Number(range.value)]);
@@ -368,7 +370,9 @@
     }
     const words = laws.map((law, k) => {
       const { good, values } = means(all, k);
-      const j = columns[0].counts ? `${values[0]} of ${good} settled` : `${columns[0].name} ${written(values[0])}`;
+      const j = columns[0].counts
+        ? `${values[0]} of ${good} settled`
+        : `${columns[0].name} ${written(values[0])}${inUnit(" ", columns[0].unit)}`;
       return `${law.title}: ${j}`;
     });
     $("state").textContent = words.join("; ");
