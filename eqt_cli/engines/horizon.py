@@ -11,7 +11,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, shortened
 from eqt_cli.base.stored import Status
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.engines.engine import Problem, together
+from eqt_cli.engines.engine import ROUNDING, Problem, together
 from eqt_cli.engines.solve_ivp import SolveIvp, coefficients, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.numbers.instants import bounds_of_integral, instants_of
@@ -179,8 +179,10 @@ def missed(expression: Expression, until: float, rtol: float) -> str:
         return ""
     ends, *sides = together(instants, np.array([0.0, until]))
     inner = (ends > 0) & (ends < until)
-    before, after = (np.nextafter(*pair) for pair in zip(sides, (-np.inf, np.inf), strict=True))
-    starts, stops = np.append(0.0, after[inner]), np.append(before[inner], until)
+    before, after = sides[0] * (1 - ROUNDING), sides[1] * (1 + ROUNDING)
+    # The ends of the horizon may be instants but for a rounding.
+    starts = np.append(ROUNDING * until, after[inner])
+    stops = np.append(before[inner], (1 - ROUNDING) * until)
     counts = np.maximum(1, np.ceil((stops - starts) * STEPS / until)).astype(int)
     parts = [np.linspace(*span) for span in zip(starts, stops, counts + 1, strict=True)]
     low, high = (np.concatenate([part[side] for part in parts]) for side in (np.s_[:-1], np.s_[1:]))
