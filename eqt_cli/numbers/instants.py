@@ -210,7 +210,8 @@ def _enclosed(difference: Expression, edges: Array, until: float) -> tuple[Array
 
     None if there are too many. Those that are not longer than `FINEST` are not resolved.
     """
-    low, high = _parts(edges, until, 64)
+    overlap = MARGIN * until  # rounding may move a change across an end of a part
+    low, high = _parts(edges, until, 64, overlap)
     lows, highs = list[Array](), list[Array]()
     while len(low):
         jet = series(difference, {"t": Interval(low, high)}, 1)
@@ -223,7 +224,7 @@ def _enclosed(difference: Expression, edges: Array, until: float) -> tuple[Array
         if 2 * len(low) > MOST_PARTS or sum(map(len, lows)) > 2 * MOST_INSTANTS + len(edges):
             return None
         middle = (low + high) / 2
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        low, high = np.concatenate([low, middle]), np.concatenate([middle + overlap, high])
     return np.concatenate(lows), np.concatenate(highs)
 
 
@@ -461,7 +462,9 @@ def _smooth_parts(
     return low, high, change
 
 
-def _parts(edges: Iterable[float], until: float, count: int) -> tuple[Array, Array]:
+def _parts(
+    edges: Iterable[float], until: float, count: int, overlap: float = 0.0
+) -> tuple[Array, Array]:
     """Return parts of the horizon, beside each edge and not at it, at least so many."""
     ends = distinct([0.0, *edges, until])
     first, last = np.nextafter(ends[:-1], np.inf), np.nextafter(ends[1:], -np.inf)
@@ -470,5 +473,6 @@ def _parts(edges: Iterable[float], until: float, count: int) -> tuple[Array, Arr
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     step = np.repeat((last - first) / counts, counts)
     low = np.repeat(first, counts) + number * step
-    high = np.where(number + 1 == np.repeat(counts, counts), np.repeat(last, counts), low + step)
+    is_last = number + 1 == np.repeat(counts, counts)
+    high = np.where(is_last, np.repeat(last, counts), low + step + overlap)
     return low, high

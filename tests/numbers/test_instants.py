@@ -50,6 +50,7 @@ FOLD = np.arcsin(0.3) / 3
             [*after(3.5 * ARC / np.pi, 7), *after(3.5 - 3.5 * ARC / np.pi, 7)],
         ),
         ("sign(cos(t/2))", after(np.pi, 2 * np.pi)),
+        ("sign(sin(2*pi*t/2.5))", after(1.25, 1.25)),  # also at eighths of the horizon
         ("step(2*t - 1, 3)", [2.0]),
         ("mod(t, 7)", after(7.0, 7.0)),
         ("where(mod(t - 1, 7) < 2.5, 1, 0)", [*after(1.0, 7.0), *after(3.5, 7.0)]),
