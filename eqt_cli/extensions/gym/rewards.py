@@ -64,16 +64,23 @@ class Signals:
 
 @dataclass(frozen=True)
 class OfFunction:
-    """A function of the user, as one that an engine traces."""
+    """A function of the user, as one that an engine traces, and the signals that it may read."""
 
     function: Function
+    names: frozenset[str]
 
     def __call__(
         self, loop: ClosedLoop, t: Any, state: Array, action: Array, last: Array
     ) -> Arrays:
         """Return its ``value``, 1 or 0 of a condition."""
         s = loop.tracking(t, state)
-        step = Step(lambda name: values_at(loop, s, state, (name,))[name], t, action, last)
+
+        def signal(name: str) -> Array:
+            if name not in self.names:
+                raise KeyError(name)  # it would be NaN, and no condition of it would hold
+            return values_at(loop, s, state, (name,))[name]
+
+        step = Step(signal, t, action, last)
         value = np.asarray(self.function(step))
         if value.dtype == bool:
             value = value.astype(float)
@@ -95,7 +102,8 @@ class Evaluated:
         self._plant, self._what, self._function = plant, what, function
         self._signals = dict[str, tuple[Any, Array]]()
         lengths = (plant.loop.state_length, plant.actions, plant.actions)
-        program = sampled(OfFunction(function), plant.loop, lengths)
+        of_function = OfFunction(function, frozenset(signals_of(plant.loop)))
+        program = sampled(of_function, plant.loop, lengths)
         self.is_compiled = program is not None
         self._program = program and (program, held_rows(plant.loop, plant.starts, program))
         if program is None:
@@ -144,11 +152,11 @@ def signals_of(loop: ClosedLoop) -> list[str]:
 
 def signal_program(plant: Plant, name: str, what: str) -> tuple[Any, Array]:
     """Return the program of a signal and its held numbers."""
-    known = [*existing(plant.loop), *outputs_of(plant.loop)]
-    if name not in known:
+    names = signals_of(plant.loop)
+    if name not in names:
         raise EqtError(
-            f"{what}: this loop has no signal '{name}'{suggestion(name, known)}; there are: "
-            f"{', '.join(signals_of(plant.loop))}"
+            f"{what}: this loop has no signal '{name}'{suggestion(name, names)}; there are: "
+            f"{', '.join(names)}"
         )
     program = sampled(Signals((name,)), plant.loop, (plant.loop.state_length,))
     if program is None:
@@ -169,11 +177,14 @@ class MetricReward:
 
     def __init__(self, plant: Plant, name: str) -> None:
         quantity = QUANTITIES.get(name)
-        usual = [key for key, quantity in QUANTITIES.items() if _adds(quantity)]
-        if not isinstance(quantity, Measure) or not _adds(quantity):
+        signals, adds = signals_of(plant.loop), [key for key, x in QUANTITIES.items() if _adds(x)]
+        usual = [key for key in adds if QUANTITIES[key].signals[0] in signals]
+        if not isinstance(quantity, Measure) or name not in usual:
             what = "is no mean and no integral over time, so it is no sum over steps"
             if quantity is None:
-                what = f"unknown metric{suggestion(name, QUANTITIES)}"
+                what = f"unknown metric{suggestion(name, usual)}"
+            elif name in adds:
+                what = f"this loop has no signal '{quantity.signals[0]}', of which it is a number"
             raise EqtError(
                 f"reward: {name}: {what}; give one of {', '.join(usual)}, or a function of the "
                 "signals, as lambda x: -x.pose_error"

@@ -24,8 +24,8 @@ from eqt_cli.base.arrays import (
     transpose,
     where,
 )
-from eqt_cli.base.errors import InputError, Problems, TraceError
-from eqt_cli.base.option_types import Count, Positive, Real
+from eqt_cli.base.errors import InputError, Problems, TraceError, suggestion
+from eqt_cli.base.option_types import Positive, Real
 from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER
 from eqt_cli.components.actuators import THRUSTS
@@ -55,6 +55,16 @@ Motion = Literal["position", "position_error", "velocity", "velocity_error"]
 Rotation = Literal["rotation", "rotation_error", "rates", "rates_error"]
 Attitude = Literal["gravity", "quaternion", "euler"]
 Observable = Literal[Motion, Rotation, Attitude, "last_command"]
+OBSERVABLE = get_args(Observable)
+
+
+def observable_on(G: MatrixLieGroup) -> list[str]:
+    """Return the signals that a network can observe of a group."""
+    turning, moving = moving_parts(G)
+    names = list[str]([] if moving is None else get_args(Motion))
+    if turning is not None:
+        names += [*get_args(Rotation), *(get_args(Attitude) if len(G.identity) > 2 else [])]
+    return [*names, LAST]
 
 
 @dataclass(frozen=True)
@@ -81,7 +91,7 @@ class Observed(Keys):
     scale
         The network is given so many times what results.
     steps
-        Of last_command only: so many last commands, the oldest first.
+        Of last_command only: so many last commands, the oldest first; at most 1,000.
     preview
         Of an error only: it is given to the reference at so many later `steps`, `every` so long, in
         the order of time, in place of the reference now.
@@ -95,20 +105,17 @@ class Observed(Keys):
     clip: Positive | None = None
     mean: Real | list[Real] = 0.0
     deviation: Positive | list[Positive] = 1.0
-    steps: Count = 1
+    steps: Annotated[int, Field(ge=1, le=MOST_AHEAD)] = 1
     preview: Preview | None = None
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a signal that the group has not, and options that the signal does not take."""
-        turning, moving = moving_parts(G)
         if self.signal == LAST:
             for key in ("clip", "entries", "mean", "deviation"):
                 if getattr(self, key) != getattr(Observed(LAST), key):
                     problems.at(key).add("last_command is limited by commands.clip; leave this out")
-        elif (moving if self.signal in get_args(Motion) else turning) is None or (
-            self.signal in get_args(Attitude) and turning is not None and len(G.identity) < 3
-        ):
-            problems.at("signal").add(f"{G.name} has no {self.signal}")
+        elif self.signal not in (names := observable_on(G)):
+            problems.at("signal").add(f"{G.name} has no {self.signal}; it has {', '.join(names)}")
         if self.frame and self.signal not in (*get_args(Motion), "rates"):
             problems.at("frame").add(
                 f"applies to positions, velocities and rates, not to {self.signal}; leave it out"
@@ -117,6 +124,8 @@ class Observed(Keys):
             problems.at("order").add("belongs to a quaternion, of which it is wxyz or xyzw")
         if self.steps > 1 and self.signal != LAST:
             problems.at("steps").add(f"applies to {LAST}, not to {self.signal}; leave it out")
+        if not self.scale:
+            problems.at("scale").add("0 hides the signal from the network; leave the signal out")
         if self.preview and not self.signal.endswith("error"):
             problems.at("preview").add(
                 f"applies to errors, such as position_error, not to {self.signal}; leave it out"
@@ -212,17 +221,22 @@ _LIBRARIES: dict[str, dict[str, list[Any]]] = table("observations.yaml")
 
 
 def _with_terms(listed: Any) -> Any:
-    """Replace terms of libraries, such as ``isaaclab3.root_quat_w``, by their signals."""
+    """Replace names, ``rates`` or ``isaaclab3.root_quat_w`` of a library, by their signals."""
     if not isinstance(listed, list):
         return listed
     signals = []
     for entry in listed:
-        library, _, term = entry.partition(".") if isinstance(entry, str) else ("", "", "")
+        if not isinstance(entry, str) or entry in OBSERVABLE:
+            signals.append({"signal": entry} if isinstance(entry, str) else entry)
+            continue
+        library, _, term = entry.partition(".")
         terms = _LIBRARIES.get(library, {})
-        if isinstance(entry, str) and term not in terms:
-            names = terms or _LIBRARIES
-            raise ValueError(f"{entry}: expected LIBRARY.TERM, of {', '.join(names)}")
-        signals += terms[term] if isinstance(entry, str) else [entry]
+        if term not in terms:
+            meant = suggestion(entry, OBSERVABLE)
+            names = f"a signal, of {', '.join(OBSERVABLE)}, or " if not terms else ""
+            names += f"LIBRARY.TERM, of {', '.join(terms or _LIBRARIES)}"
+            raise ValueError(f"{entry}: expected {names}{meant}")
+        signals += terms[term]
     return signals
 
 
@@ -471,8 +485,8 @@ class Network(RunsCode, Previews):
     file
         The file, relative to the configuration.
     observes
-        Inputs of the network in their order: signals, each with a frame, a scale and a clip; or
-        terms of a library, as `isaaclab3.root_quat_w`.
+        Inputs of the network in their order: signals, by their names or each with a frame, a scale
+        and a clip; or terms of a library, as `isaaclab3.root_quat_w`.
     commands_
         Meaning of its outputs: rotors, wrench or rates.
     memory_
@@ -513,6 +527,10 @@ class Network(RunsCode, Previews):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note signals that the group has not, and another number of them than the network has."""
+        if not self.observes:
+            problems.at("observes").add("expected at least one signal, such as [rotation_error]")
+        if not np.any(self.commands_.scale):
+            problems.at("commands", "scale").add("with 0, the network commands nothing")
         for index, observation in enumerate(self.observes):
             observation.check(G, problems.at("observes", index))
             if observation.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:

@@ -222,6 +222,18 @@ SLIPS = {
         {"reward": lambda x: -x.pose_eror},
         "reward: this loop has no signal 'pose_eror'…pose_error…",
     ),
+    "a compiled signal of no estimator": (
+        {"reward": lambda x: -x.estimate_error},
+        "reward: this loop has no signal 'estimate_error'…did you mean 'pose_error'?…there are: …",
+    ),
+    "an end that no number reaches": (
+        {"terminated": lambda x: less(1.0, x.bias_error)},
+        "terminated: this loop has no signal 'bias_error'…there are: pose, velocity…",
+    ),
+    "a metric of another group": (
+        {"reward": "mean_pointing_error"},
+        "reward: mean_pointing_error: this loop has no signal 'pointing_error'…mean_pose_error…",
+    ),
     "a shape": (
         {"reward": lambda x: -np.abs(x.velocity)},
         "reward: expected a number for each run, of shape (5,), got …(5, 3)",
@@ -276,6 +288,7 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
         assert says(said, f"seed: expected a whole number from 0, got {seed!r}")
     env.reset(seed=np.int64(3))
     assert says(error_of(env.reset, options=[1]), "options: expected a mapping…got [1]")
+    assert says(error_of(env.exactly, "bias_error"), "exactly: this loop has no signal…pose_error…")
     assert says(error_of(env.exactly, 3), "exactly: expected the name of a signal, got 3")
     assert says(error_of(env.check, 3), "path: expected a file, got 3")
     assert says(error_of(env.record, None), "path: expected a file, got None")

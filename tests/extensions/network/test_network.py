@@ -522,7 +522,16 @@ def test_a_changed_network_in_a_result_is_refused_or_computed_as_data(policy, ki
 
 LAWS = {
     "observes[1].signal: expected 'position'": {"observes": [{"signal": "rates"}, {"signal": "v"}]},
-    "observes[0].signal: SO3 has no position_error": {"observes": [{"signal": "position_error"}]},
+    "observes[0].signal: SO3 has no position_error; it has rotation, rotation_error": {
+        "observes": ["position_error"]
+    },
+    "observes: expected at least one signal": {"observes": []},
+    "observes: ratse: expected a signal, of position, ": {"observes": ["ratse"]},
+    "observes[0].scale: 0 hides the signal": {"observes": [{"signal": "rates", "scale": 0}]},
+    "observes[0].steps: expected a number of at most 1,000, got 100000": {
+        "observes": [{"signal": "last_command", "steps": 100_000}]
+    },
+    "commands.scale: with 0, the network commands nothing": {"commands": {"scale": 0}},
     "observes[0].clip: last_command is limited by commands.clip; leave this out": {
         "observes": [{"signal": "last_command", "clip": 0.5}]
     },
