@@ -7,6 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
+from typing import TypeVar
 
 from eqt_cli.analysis.claims import by_claim, sources
 from eqt_cli.analysis.comparison import (
@@ -106,22 +107,25 @@ def laws_of(comparison: Comparison, against: str) -> dict[str, list[Pair]]:
     return laws
 
 
-def headline(pairs: Sequence[Pair]) -> list[Pair]:
+_Row = TypeVar("_Row", Pair, Level)
+
+
+def headline(pairs: Sequence[_Row]) -> list[_Row]:
     """Return the rows by which a law is compared first, errors and costs; without one, the first.
 
     The rest of a role are those of its least rank and window.
     """
-    first = []
+    first: list[_Row] = []
     for role in ("error", "cost"):
         of_role = [pair for pair in pairs if pair.measured.quantity.role == role]
         of_role.sort(key=lambda pair: pair.measured.quantity.rank)
         usual = [pair for pair in of_role if pair.measured.quantity.rank < LAST_RESORT]
         of_role = usual or of_role
         first += [x for x in of_role if x.measured.window == of_role[0].measured.window]
-    return first or [*pairs[:1]]
+    return first or list(pairs[:1])
 
 
-def settling_of(pairs: Sequence[Pair], levels: Sequence[Level]) -> list[Pair]:
+def settling_of(pairs: Sequence[_Row], levels: Sequence[Level]) -> list[_Row]:
     """Return the share of runs that settle; where all do, the time that they take."""
     share, time = SETTLING
     shares = [level.mean for level in levels if level.measured.quantity.name == share]

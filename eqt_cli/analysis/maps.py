@@ -452,14 +452,13 @@ def _notes(wins: Map) -> list[str]:
 
 
 def _unranked(wins: Map) -> Iterator[str]:
-    """Say which laws are not ranked at some points, why, and which option changes it."""
+    """Say which laws are not ranked at some points, and why."""
     points = np.sum([cell.unranked for cell in wins.cells], axis=0).tolist()
     if any(points):
         some, most = (f"{100 * share:.3g} %" for share in (1 - wins.settling, wins.settling))
         yield (
             f"Points at which a law is not ranked, and loses: {_listed(wins, points)}; more than "
-            f"{some} of its runs fail, or fewer settle where another law settles in {most} "
-            "(--share)"
+            f"{some} of its runs fail, or fewer settle where another law settles in {most}"
         )
 
 

@@ -23,6 +23,8 @@ class Conclusion:
         Name in addresses, and short and full title of its section in a report.
     tables
         Returns the tables that `eqt show` prints and a report contains.
+    finding
+        Returns the sentence on these tables with which a report begins.
     figures
         Default figures of a report, which then does not compare the laws run by run: captions by
         name, "" for the usual caption.
@@ -45,6 +47,7 @@ class Conclusion:
     short: str = ""
     title: str = ""
     tables: Callable[[], Sequence[TextTable]] = list
+    finding: Callable[[Sequence[TextTable]], str] = lambda _: ""
     figures: Mapping[str, str] = field(default_factory=dict)
     plotted: Sequence[str] = ()
     starts: Sequence[str] = ()

@@ -190,7 +190,7 @@ def test_a_law_that_does_not_settle_is_not_ranked_where_others_settle(
     assert [cell.unranked for cell in found.cells] == [(True, False), (False, False)]
     said = "\n".join(_notes(found))
     assert "Points at which a law is not ranked, and loses: law 0 1; more than 10 % of its" in said
-    assert "fewer settle where another law settles in 90 % (--share)." in said
+    assert "fewer settle where another law settles in 90 %." in said
 
 
 def test_errors_need_no_settled_runs(random: np.random.Generator) -> None:

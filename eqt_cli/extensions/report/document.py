@@ -20,7 +20,7 @@ from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.report import summary
-from eqt_cli.extensions.report.opening import opening, points_won
+from eqt_cli.extensions.report.opening import extremes, opening, points_won
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.results.conclusion import conclusion_of, side_by_side
@@ -346,6 +346,7 @@ def report(
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
     concluded = conclusion_of(result)
+    searched = concluded.tables()
     if refused := _refusal(result):
         notes = f"{notes}\n\n{refused}"
         reporter().remark(EqtWarning(f"the page does not compare the laws: {refused}"))
@@ -353,11 +354,15 @@ def report(
         of_kind: dict[str, Any] = {"table": summary.point_table(result)}
         if not concluded.id and not refused:  # no means: one over all points means little
             of_kind["best"] = sweep_tables(result, SWEPT_METRICS)
-            of_kind["won"] = list(map(points_won, winners(result)[:1]))
+            won = list(map(points_won, winners(result)[:1]))
+            of_kind["won"] = won or [extremes(result)]
     else:
         of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
         if not (concluded.figures or concluded.premise or refused):
             of_kind |= _compared(result, against)
+        of_kind["many"] = len(result.labels) > MANY
+    if finding := concluded.finding(searched):
+        of_kind["won"] = [finding]
     return page(
         "report.html.j2",
         ["report.css"],
@@ -377,7 +382,7 @@ def report(
         remarks=remarks,
         unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
-        search=concluded.id and vars(concluded) | {"tables": concluded.tables()},
+        search=concluded.id and vars(concluded) | {"tables": searched},
         **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}) | {"live": live},
     )
 
@@ -418,7 +423,6 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
     return {
         "opening": opening(comparison, base),
         "looks": looks,
-        "many": len(looks) > MANY,
         "premises": premises(comparison),
         "answer": replace(answer, caption=caption, notes=[*open_, *answer.notes]),
         "claims": tables.get("claims"),

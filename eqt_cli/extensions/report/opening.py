@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.analysis.comparison import Comparison, Pair
+from eqt_cli.analysis.comparison import Comparison, Level, Pair
 from eqt_cli.analysis.comparison_tables import (
     count_of_tests,
     headline,
@@ -21,9 +21,10 @@ from eqt_cli.analysis.comparison_tables import (
 from eqt_cli.analysis.intervals import FEWEST, Word
 from eqt_cli.analysis.maps import Map
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import MARKS, fixed, listed
+from eqt_cli.base.reporting import MARKS, count_of, fixed, listed, significant
 from eqt_cli.results.quantity import Plain
-from eqt_cli.results.result import PerRun
+from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.summary import compared_first, unit_in_words
 
 _MOST_NAMED = 3
 """Most laws that a sentence names, the first by the error."""
@@ -31,6 +32,8 @@ _SPIKE = 3.0
 """Multiple of the median reach of the intervals beyond which one does not set the scale."""
 _MARGIN = 0.04
 """Share of a scale that is left free at both ends."""
+_LETTER = 9.0
+"""Width of a letter below the narrowest panel, in per cent of the scale."""
 _TICKS = 4
 """Most parts of a scale."""
 
@@ -97,18 +100,43 @@ class Opening:
 
 
 def opening(comparison: Comparison, base: str) -> Opening | None:
-    """Return the first screen of a comparison with a law; None if nothing is compared."""
+    """Return the first screen of a comparison with a law; of a single law, what it reaches."""
     laws = {law: of for law, of in laws_of(comparison, base).items() if headline(of)}
+    failures = _failures(comparison)
+    if all(count == comparison.runs for count in comparison.failed.values()):
+        return Opening([f"All {count_of(comparison.runs, 'run')} of each law failed."], [], [])
     if not laws:
-        return None
+        return Opening([*_alone(comparison, base), *failures], [], [])
     order = sorted(laws, key=lambda law: _rank(headline(laws[law])[0]))
     shown = dict[int, PerRun]()
     for law in order:
         pairs = [*headline(laws[law]), *settling_of(laws[law], comparison.levels)]
         shown |= {id(pair.measured): pair.measured for pair in pairs}
     panels = [_panel(comparison, base, measured, laws, order) for measured in shown.values()]
-    finding = [*_finding(comparison, base, laws, order), *_failures(comparison)]
+    finding = [*_finding(comparison, base, laws, order), *failures]
     return Opening(finding, panels, _notes(comparison, base))
+
+
+def _alone(comparison: Comparison, law: str) -> list[str]:
+    """Say what a law reaches that is compared with none."""
+    levels = [x for x in comparison.levels if x.measured.quantity.better != "neither"]
+    shown = [x for x in [*headline(levels), *settling_of(levels, levels)] if x.controller == law]
+    reached = [
+        f"{name_of(level.measured, comparison)} {_with_interval(level)}"
+        for level in dict.fromkeys(shown)
+        if math.isfinite(level.mean)
+    ]
+    alike = [f"{too_few(comparison).capitalize()}."] if comparison.identical else []
+    return [f"{comparison.titles[law]}: {', '.join(reached)}.", *alike]
+
+
+def _with_interval(level: Level) -> str:
+    """``36.5 ± 8.0 deg``, and ``4 of 20``."""
+    if level.measured.quantity.counts:
+        return mean_in_words(level)
+    cells = Plain()
+    number = cells.spread(level.mean, level.low, level.high)
+    return f"{number} {cells.unit(level.measured.unit)}".rstrip()
 
 
 def _rank(pair: Pair) -> float:
@@ -244,6 +272,20 @@ def points_won(wins: Map) -> str:
 # The intervals ------------------------------------------------------------------------------------
 
 
+def extremes(result: Result) -> str:
+    """Say where in a sweep the only law has its least and its greatest mean error."""
+    name = compared_first(result)[0]
+    means, quantity = result.means(name)[:, 0], Plain().name(result.quantity(name))
+    if not np.isfinite(means).any():
+        return f"At each point of the sweep, runs of {result.titles[0]} failed."
+    unit = Plain().unit(unit_in_words(result, name))
+    least, greatest = (
+        f"{significant(means[point])} {unit}".rstrip() + f" at {result.point_name(int(point))}"
+        for point in (np.nanargmin(means), np.nanargmax(means))
+    )
+    return f"{result.titles[0]}: least {quantity} {least}; greatest {greatest}."
+
+
 def _panel(
     comparison: Comparison,
     base: str,
@@ -278,9 +320,7 @@ def _panel(
             beyond = " ".join(end for end, is_out in outside.items() if is_out)
             line = place(around[0]), place(around[1])
             marks.append(Mark(law, title, text, says, str(pair.word), at, *line, beyond))
-    ticks = {
-        place(tick): f"{tick:+g}".replace("-", "−") if tick else "0" for tick in _ticks(low, high)
-    }
+    ticks = _labelled({place(tick): tick for tick in _ticks(low, high)})
     scale = f"{'points' if measured.is_share else '%'} from {comparison.titles[base]}"
     return Panel(name_of(measured, comparison), scale, ticks, place(0.0), marks)
 
@@ -305,6 +345,17 @@ def _bounds(ends: Array, least: float) -> tuple[float, float]:
     low, high = min(low, -least), max(high, least)
     margin = _MARGIN * (high - low)
     return low - margin, high + margin
+
+
+def _labelled(ticks: dict[float, float]) -> dict[float, str]:
+    """Return the texts of ticks by place, empty where they would overlap in a narrow panel."""
+    texts = {x: f"{tick:+g}".replace("-", "−") if tick else "0" for x, tick in ticks.items()}
+    shown: list[float] = []
+    for place in sorted(ticks, key=lambda x: -abs(ticks[x]) if ticks[x] else -math.inf):
+        apart = (abs(place - x) / (len(texts[place]) + len(texts[x]) + 1) for x in shown)
+        if min(apart, default=math.inf) >= _LETTER / 2:
+            shown.append(place)
+    return {place: text if place in shown else "" for place, text in texts.items()}
 
 
 def _ticks(low: float, high: float) -> list[float]:

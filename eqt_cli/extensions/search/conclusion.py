@@ -1,7 +1,9 @@
 """What readers show of the search whose outcome a result judges."""
 
+from collections.abc import Sequence
 from typing import Any
 
+from eqt_cli.base.reporting import TextTable
 from eqt_cli.extensions.search.record import TUNE, WORST
 from eqt_cli.results.conclusion import Conclusion
 from eqt_cli.results.result import Result
@@ -18,6 +20,7 @@ def conclusion(result: Result) -> Conclusion | None:
         return Conclusion(
             *(WORST.configs, "Worst runs", "The worst runs that were found"),
             tables=lambda: worst_tables(result, worst),
+            finding=_worst,
             figures={"worst": ""},
             plotted=["worst"],
         )
@@ -40,6 +43,7 @@ def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
     return Conclusion(
         *(TUNE.configs, "Tuned", "Tuned laws on held-out runs"),
         tables=lambda: tuning_tables(result, record),
+        finding=(lambda _: "") if has_fronts else _better,
         figures={"fronts": _CAPTION} if has_fronts else {},
         starts=[law["start"] for law in laws if law["over"]],
         further=searched.difference(w["label"] for law in laws for w in law["winners"]),
@@ -47,6 +51,21 @@ def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
         pair=[*pair, best[0]["start"]] if len(best) == 1 else pair,
         variants=variants,
     )
+
+
+def _worst(tables: Sequence[TextTable]) -> str:
+    laws = ", ".join(" ".join(row[:2]) for row in tables[0].rows)
+    return f"{tables[0].caption}: {laws}."
+
+
+def _better(tables: Sequence[TextTable]) -> str:
+    """Say which tuned law is better than which; of a single law, what tuning changed."""
+    notes = [note for table in tables for note in table.notes]
+    if verdict := next((note for note in notes if note.startswith("By ")), ""):
+        return verdict
+    first = tables[0].blocks[0]
+    laws = (f"{row[0]} {row[-2]} before, {row[-1]} after" for row in first.rows)
+    return f"{first.title[:1].upper()}{first.title[1:]}: {'; '.join(laws)} tuning."
 
 
 _CAPTION = (

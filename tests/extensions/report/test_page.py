@@ -193,6 +193,21 @@ def test_where_all_runs_of_a_law_failed_the_page_says_so(make_result):
     assert "failed runs, no part of means: GT 6 of 6" in page
 
 
+def test_where_no_law_has_a_good_run_no_law_has_the_least_error(make_result):
+    metrics = dict.fromkeys((*MEANS, "energy_residual"), [[np.nan] * 6] * 2)
+    page = report(make_result(["eqt", "gt"], metrics=metrics, status=[[1] * 6] * 2), [])
+    assert '<p class="finding">All 6 runs of each law failed.</p>' in page
+    assert 'class="interval"' not in page
+
+
+def test_a_single_law_opens_with_what_it_reaches(make_result):
+    """Student's or resampled, the half width of 1, …, 6 with mean 3.5 is 1 to 2."""
+    one = [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+    page = report(make_result(["eqt"], metrics=dict.fromkeys(MEANS, one)), [])
+    says = re.search(r'class="finding">(.*?)</p>', page)[1].replace("\u00a0", " ")
+    assert re.match(r"EqT: .* 3\.5 ± 1\.\d", re.sub("<.*?>", "", says)), says
+
+
 def test_the_experiment_has_its_equations_and_values(text):
     section = text[text.index('<section id="experiment"') :].partition("</section>")[0]
     assert "1, 0.5, 0.5, 0" in section  # asym

@@ -11,7 +11,7 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.base.reporting import significant
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.report.document import report
-from eqt_cli.extensions.report.opening import points_won
+from eqt_cli.extensions.report.opening import extremes, points_won
 from eqt_cli.extensions.report.summary import point_table
 
 
@@ -50,6 +50,13 @@ def test_a_sweep_opens_with_the_points_that_laws_win(results):
     said = points_won(replace(wins, cells=won, without_winner="undecided"))
     assert said == "GT wins 2 of 4 points by its mean attitude error, asym 1, 1 undecided."
     assert points_won(replace(wins, cells=won[2:3])).startswith("With 5 runs at each point, no law")
+
+
+def test_a_sweep_of_one_law_opens_with_its_least_and_its_greatest_error(results):
+    means = results["mean_attitude_error"].mean(axis=-1)[:, 0]
+    ends = [f"{significant(means[k])} deg at {results.point_name(k)}" for k in means.argsort()]
+    said = extremes(results)
+    assert ends[0] in said.partition("; ")[0] and ends[-1] in said.partition("; ")[2]
 
 
 def test_a_point_at_which_runs_failed_counts_them_and_has_no_means(results, monkeypatch):
