@@ -159,8 +159,8 @@ class ShownRuns(ShownControllers):
         turns = of_pose != signal and of_pose in self.attitude_errors
         return turns and self.unit(signal) == "rad/s"
 
-    def solver_error(self, signal: str, *, degrees: bool) -> float:
-        """Return how far a solver's error may carry `errors` from 0; that of L is quadratic.
+    def solver_error(self, signal: str, drawn: Array, *, degrees: bool) -> float:
+        """Return how far a solver's error may carry `errors` from 0; of L, that share of its peak.
 
         The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
         """
@@ -175,7 +175,7 @@ class ShownRuns(ShownControllers):
         if signal == "attitude_angle" or (degrees and signal in self.attitude_errors):
             return float(np.degrees(turn_of_distance(np.array(largest))))
         largest = np.degrees(largest) if degrees and self._turns_at(signal) else largest
-        return largest**2 if signal == "lyapunov" else largest
+        return largest * float(np.nanmax(drawn)) if signal == "lyapunov" else largest
 
     def settled_below(self, signal: str, *, degrees: bool) -> float:
         """Return the threshold of `errors` below which runs are settled; NaN where it has none."""
@@ -378,9 +378,6 @@ class ShownRuns(ShownControllers):
 MOST: dict[Width, int] = {"column": 4, "page": 8, "slide": 6}
 """Most laws side by side."""
 
-_TALLEST = 5.0
-"""Largest height of all rows together, in."""
-
 LawRow = dict[str, Axes]
 """Panels of a row, by label of the law."""
 
@@ -413,7 +410,7 @@ def law_columns(
     """
     laws = runs.shown
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
-    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
+    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
     by_row = dict[str, LawRow]()
     for row in rows:
         by_row[row] = {e.label: panels[f"{row} {e.label}"] for e in laws if shows(row, e)}

@@ -32,8 +32,10 @@ EMPTY = "."
 
 _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
 LONGEST: dict[Width, float] = {"column": 8.4, "page": 8.4, "slide": 2.8}
-"""Largest height of all panels, in: a page, unless panels get lower than `_LOWEST_PANEL`."""
-_LOWEST_PANEL = 0.6
+"""Largest height of all panels, in: a page, unless panels get lower than `LOWEST_PANEL`."""
+TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
+"""Largest height of all panels over time, in: 124 mm with a legend and a remark."""
+LOWEST_PANEL = 0.54
 _LABEL = 8.0
 """Size of label type that these heights assume, pt."""
 _REMARK_HEIGHT = 1.5
@@ -103,9 +105,7 @@ def one_panel(width: Width, height: float) -> tuple[Figure, Axes]:
     return drawing, panels["panel 1"]
 
 
-def sheet(
-    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str, tallest: float = np.inf
-) -> Page:
+def sheet(width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str) -> Page:
     """Return a figure of panels with a common time axis, and its panels by name.
 
     Parameters
@@ -114,11 +114,9 @@ def sheet(
         Names of the panels, row by row; a repeated name spans its places, and `EMPTY` is no panel.
     span, unit
         Range of the time axis and its unit.
-    tallest
-        Largest height of all rows together, in.
     """
     taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
-    height = min(taller * _PANEL_HEIGHTS[width], tallest / len(mosaic))
+    height = taller * min(_PANEL_HEIGHTS[width], TALLEST[width] / len(mosaic))
     drawing, panels = blank_sheet(width, mosaic, height)
     numbered = numbered_below(mosaic) if own_axes is None else panels
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
@@ -154,7 +152,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float, **options: Any) -> 
     """
     if own_axes is None:
         rows = len(mosaic)
-        height = max(_LOWEST_PANEL, min(height, LONGEST[width] / rows))
+        height = max(LOWEST_PANEL, min(height, LONGEST[width] / rows))
         drawing = Sheet(figsize=(WIDTHS[width], height * rows))
         FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
         layout: Any = mosaic
@@ -223,10 +221,14 @@ def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     is_lettered = 1 < len(axes.figure.axes) <= _MOST_LETTERS
     letters = (1 if at_right else 2) / 2 * is_lettered  # a centred title has room for two
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
-    size = size_of_type("axes.titlesize") * (_SMALL if at_right else 1.0)
-    # A little smaller rather than on two lines.
-    size *= min(1.0, max(_LEAST_SIZE, _characters(room, size) / max(1, len(name))))
-    fit = max(_characters(room, size), *map(len, name.split()), 1)
+    usual = size_of_type("axes.titlesize")
+    size = usual * (_SMALL if at_right else 1.0)
+    # A little smaller, or where there is one letter instead of two, rather than on two lines.
+    lines = max(1, len(name)) / max(1, _characters(room, size, name or _SAMPLE))
+    size = max(_LEAST_SIZE * usual, size / max(1.0, lines))
+    if is_lettered and not at_right and _characters(room, size, name or _SAMPLE) < len(name):
+        return add_title(axes, name, at_right=True)
+    fit = max(_characters(room, size, name or _SAMPLE), *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
 

@@ -21,8 +21,6 @@ from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import Width, ink
 
 _COLUMNS: dict[Width, int] = {"column": 3, "page": 5, "slide": 6}
-_TALLEST: dict[Width, float] = {"column": 4.4, "page": 4.4, "slide": 2.8}
-"""Largest height of all panels, in: 124 mm with legend and remarks."""
 _GREY = 0.25
 """Share of ink in the medians of the other laws."""
 _LIMIT = 0.7
@@ -37,7 +35,13 @@ _BULK = 0.25
 
 
 def draw_laws(
-    runs: ShownRuns, width: Width, signal: str, *, degrees: bool = False, log: bool | None = None
+    runs: ShownRuns,
+    width: Width,
+    signal: str,
+    *,
+    degrees: bool = False,
+    log: bool | None = None,
+    values: Mapping[str, Array] | None = None,
 ) -> Drawing:
     """Draw the median and quartiles over runs of a signal, a panel for each law.
 
@@ -49,27 +53,31 @@ def draw_laws(
     ----------
     signal
         A norm that `ShownRuns.errors` takes; empty for the pose error, on SE(n) the angle of the
-        attitude error and the distance.
+        attitude error and the distance. The label of the scale of `values`.
     degrees
         The angle of the attitude error, in degrees, of the pose error.
     log
         Logarithmic scale. Default: for errors whose medians span more than a decade.
+    values : of (runs, samples)
+        What to draw of each law, by label, instead of a stored signal.
     """
     signals = [
         signal + part if signal else runs.drawn_signal(f"pose_error{part}") for part in runs.parts
     ]
-    drawn = {name: _values(runs, name, degrees) for name in signals}
+    if values is not None:
+        signals = [signal]
+    drawn = {name: _values(runs, name, degrees, values) for name in signals}
     is_torque = signal == "torque_norm"
     share, first = 1.0 if is_torque else _CLOSING, drawn[signals[0]]
     order = sorted(first, key=lambda label: _late_mean(first[label][0], share))
     laws = {e.label: e for e in runs.shown}
+    rows = int(layout.TALLEST[width] / layout.LOWEST_PANEL) // len(signals)
+    columns = min(max(_COLUMNS[width], -(-len(order) // rows)), _COLUMNS[width] + 1)
     places: layout.Mosaic = []
     for name in signals:
         of_part = [f"{name} of {label}" for label in order]
-        places += layout.rows_of(of_part, min(len(order), _COLUMNS[width]))
-    drawing, panels = layout.sheet(
-        width, places, runs.span, runs.unit("time"), _TALLEST[width] * len(signals)
-    )
+        places += layout.rows_of(of_part, min(len(order), columns))
+    drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
     for name in signals:
         column = [panels[f"{name} of {label}"] for label in order]
         layout.share_scale(column)
@@ -77,21 +85,30 @@ def draw_laws(
             _draw(axes, runs, laws[label], drawn[name], runs.shown[0].look.colour)
         middles = [drawn[name][label][0] for label in order]
         is_log = not is_torque and spans_decade(np.concatenate(middles)) if log is None else log
-        _bound(column, middles, runs.solver_error(name, degrees=degrees), log=is_log)
+        error = runs.solver_error(name, np.concatenate(middles), degrees=degrees)
+        _bound(column, middles, error, log=is_log)
         layout.hide_inner_scales(panels, places)
         left = [row[0] for row in places if row[0].startswith(f"{name} of ")]
-        panels[left[(len(left) - 1) // 2]].set_ylabel(runs.error_label(name, degrees=degrees))
+        label = signal if values is not None else runs.error_label(name, degrees=degrees)
+        panels[left[(len(left) - 1) // 2]].set_ylabel(label)
+    differ = any(not np.array_equal(*of[1:]) for of in drawn[signals[0]].values())
+    law, others = ("the law: median, quartiles", "the others: medians")
+    if not differ:
+        law, others = "the law", "the others"
     handles = {
-        "the law: median, quartiles": Line2D([], [], color=runs.shown[0].look.colour),
-        "the others: medians": Line2D([], [], color=ink(_GREY)),
+        law: Line2D([], [], color=runs.shown[0].look.colour),
+        others: Line2D([], [], color=ink(_GREY)),
     }
     layout.add_legend(drawing, list(handles.values()), list(handles))
     by = "mean" if is_torque else "closing error"
-    runs.remarks.append(f"Sorted by {by}; {runs.count()}.")
-    runs.note = ", ".join(filter(None, [f"sorted by {by}, {runs.count()}", runs.note]))
+    if values is None:
+        by = f"{by}, {runs.count()}"
+    runs.remarks.append(f"Sorted by {by}.")
+    runs.note = ", ".join(filter(None, [f"sorted by {by}", runs.note]))
     for name in signals:
         mark_settled(runs, name, [panels[f"{name} of {label}"] for label in order], degrees)
-    drawing.set_label("Median and quartiles over runs, a panel for each law; grey: the others.")
+    what = "Median and quartiles over runs" if differ else "One curve"
+    drawing.set_label(f"{what}, a panel for each law; grey: the others.")
     return drawing
 
 
@@ -115,12 +132,12 @@ def mark_settled(runs: ShownRuns, signal: str, panels: Sequence[Axes], degrees: 
                 runs.note = ", ".join(filter(None, [runs.note, _SETTLED]))
 
 
-def _values(runs: ShownRuns, signal: str, degrees: bool) -> dict[str, Array]:
-    """Return median and quartiles over runs of each law, ``(3, samples)``, by label."""
-    return {
-        e.label: np.quantile(runs.errors(signal, e, degrees=degrees), (0.5, 0.25, 0.75), axis=0)
-        for e in runs.shown
-    }
+def _values(
+    runs: ShownRuns, signal: str, degrees: bool, values: Mapping[str, Array] | None
+) -> dict[str, Array]:
+    """Return median and quartiles over runs of of_law law, ``(3, samples)``, by label."""
+    of = values or {e.label: runs.errors(signal, e, degrees=degrees) for e in runs.shown}
+    return {label: np.quantile(of_law, (0.5, 0.25, 0.75), axis=0) for label, of_law in of.items()}
 
 
 def _late_mean(middle: Array, share: float) -> float:

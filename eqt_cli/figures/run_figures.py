@@ -100,7 +100,7 @@ class RunsFigure(OverTime):
                 if part == parts[0]:  # beside it, the scale names the part
                     layout.add_title(axes, ensemble.title)
                 layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-            self._scale(column, runs.solver_error(signal, degrees=self.degrees))  # after all curves
+            self._scale(column, runs, signal)  # after all curves
         if len(parts) == 1:
             layout.hide_inner_scales(panels, places)
         are_few = all(np.count_nonzero(e.good) <= MOST_LINES for e in shown)
@@ -114,7 +114,7 @@ class RunsFigure(OverTime):
         runs.note = f"{name} and median, {runs.count()}"
         return drawing
 
-    def _scale(self, panels: Sequence[Axes], error: float) -> None:
+    def _scale(self, panels: Sequence[Axes], runs: ShownRuns, signal: str) -> None:
         """Set one scale; for a torque, which need not converge to zero, linear by default."""
         log = self.log
         if log is None:
@@ -123,6 +123,7 @@ class RunsFigure(OverTime):
         for axes in panels:
             scale_norm(axes, log=log)
         middles = [np.asarray(axes.lines[-1].get_ydata(), float) for axes in panels]
+        error = runs.solver_error(signal, np.concatenate(middles), degrees=self.degrees)
         bound_below(panels[0], middles, error)
 
     def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
@@ -77,9 +77,9 @@ class Summary(Panelled, OverTime):
     The function is left out where laws have different ones, which cannot be compared. The shading
     holds the middle half of the runs of the first two laws. Scales are logarithmic where medians
     span two decades; they end a decade below the medians, or at the error of the solver, and ten
-    times above all other laws where a law diverges. Thin dashes mark the threshold of `settled`. Of
-    more than six laws, the first quantity is drawn, a panel for each law, before the medians of the
-    others.
+    times above all other laws where a law diverges. Thin dashes mark the threshold of `settled`.
+    Laws of one curve are named, and a panel shows their paired differences. Of more than six laws,
+    the first quantity is drawn, a panel for each law, before the medians of the others.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -134,16 +134,18 @@ class Summary(Panelled, OverTime):
         rows = [
             [runs.drawn_signal(norm + end) for end in parts] for norm in norms if norm != _FUNCTION
         ]
-        alike = {} if self.printed else _one_curve(runs, rows[0] if rows else [], degrees)
+        alike = {} if self.printed or not rows else self._one_curve(runs, rows[0], degrees)
+        differences = {signal: f"difference of {signal}" for signal in alike}
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
-            mosaic += [[alike.get(signal, layout.EMPTY) for signal in rows[0]]] if alike else []
+            if alike:
+                mosaic.append([differences.get(signal, layout.EMPTY) for signal in rows[0]])
         else:
-            shown = [*(row[0] for row in rows), *norms[len(rows) :], *alike.values()]
+            shown = [*(row[0] for row in rows), *norms[len(rows) :], *differences.values()]
             mosaic = layout.rows_of(shown, 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
-        for signal, name in alike.items():
-            _draw_difference(panels.pop(name), runs, signal, degrees)
+        for signal, laws in alike.items():
+            _draw_difference(panels.pop(differences[signal]), runs, signal, laws, degrees)
         for signal, axes in panels.items():
             for e in runs.with_function() if signal == _FUNCTION else runs.shown:
                 values = runs.errors(signal, e, degrees=degrees)
@@ -165,13 +167,41 @@ class Summary(Panelled, OverTime):
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
 
+    def _one_curve(
+        self, runs: ShownRuns, signals: Sequence[str], degrees: bool
+    ) -> dict[str, list[Ensemble]]:
+        """Return the laws that look alike by the error in which they do, and say who they are."""
+        alike, within = dict[str, list[Ensemble]](), dict[str, list[str]]()
+        for signal in signals if len(runs.shown) > 1 else []:
+            errors = [runs.errors(signal, e, degrees=degrees) for e in runs.shown]
+            middles = [np.median(of_law, axis=0) for of_law in errors]
+            drawn, scaled = np.concatenate(middles), middles
+            if self._is_log(runs, signal, drawn, degrees):
+                least = runs.solver_error(signal, drawn, degrees=degrees)
+                scaled = [np.log10(np.maximum(middle, least)) for middle in middles]
+            if laws := _alike(runs, scaled):
+                alike[signal] = laws
+                of_laws = [middles[runs.shown.index(e)] for e in laws]
+                apart = significant(float(np.ptp(of_laws, axis=0).max()), 1).replace("e-", "e−")
+                unit = "deg" if degrees and signal in runs.attitude_errors else runs.unit(signal)
+                titles = [e.title for e in laws]
+                words = f"{', '.join(titles[:-1])} and {titles[-1]}"
+                within.setdefault(words, []).append(f"{apart} {unit}".removesuffix(" 1"))
+        one = [f"{x}: one curve (medians within {' and '.join(y)})" for x, y in within.items()]
+        runs.note = ", ".join(filter(None, [*one, runs.note]))
+        return alike
+
+    def _is_log(self, runs: ShownRuns, signal: str, drawn: Array, degrees: bool) -> bool:
+        """Whether a scale is logarithmic: if asked, else if curves span two decades."""
+        if self.log is not None:
+            return self.log
+        seen = np.maximum(drawn, runs.solver_error(signal, drawn, degrees=degrees))
+        return bool(seen.max() > _DECADES * seen.min())
+
     def _scale(self, axes: Axes, signal: str, runs: ShownRuns, degrees: bool) -> None:
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
-        log, torque = self.log, signal.startswith("torque_norm")
-        error = runs.solver_error(signal, degrees=degrees)
-        if log is None:
-            seen = np.maximum(drawn, error)
-            log = bool(seen.max() > _DECADES * seen.min())
+        log, torque = self._is_log(runs, signal, drawn, degrees), signal.startswith("torque_norm")
+        error = runs.solver_error(signal, drawn, degrees=degrees)
         scale_norm(axes, log=log and (not torque or spans_decade(drawn)))
         label = runs.error_label(signal, degrees=degrees)
         if not self.printed:
@@ -199,35 +229,33 @@ class Paper(Summary):
     degrees: bool | None = False
 
 
-def _one_curve(runs: ShownRuns, signals: Sequence[str], degrees: bool) -> dict[str, str]:
-    """Return names of panels of paired differences, by the errors in which two laws look alike.
-
-    The medians of both are nowhere apart by more than a line of the panel.
-    """
-    if len(runs.shown) != 2 or not np.array_equal(runs.shown[0].good, runs.shown[1].good):
-        return {}
-    alike = {}
-    for signal in signals:
-        first, second = (runs.errors(signal, e, degrees=degrees) for e in runs.shown)
-        middles = np.median([first, second], axis=1) if first.shape == second.shape else None
-        if middles is not None and np.ptp(middles, axis=0).max() < _A_LINE * middles.max():
-            alike[signal] = f"difference of {signal}"
-            titles = " and ".join(e.title for e in runs.shown)
-            apart = significant(float(np.ptp(middles, axis=0).max()), 1)
-            unit = "deg" if degrees and signal in runs.attitude_errors else runs.unit(signal)
-            words = f"{titles}: one curve (medians differ by at most {apart} {unit})"
-            runs.note = ", ".join(filter(None, [words, runs.note]))
-    return alike
+def _alike(runs: ShownRuns, scaled: Sequence[Array]) -> list[Ensemble]:
+    """Return the most laws whose curves on a scale are nearly always within a line of one law's."""
+    line = _A_LINE * float(np.ptp(np.concatenate(scaled)))
+    groups: list[list[Ensemble]] = []
+    for first, of_first in zip(runs.shown, scaled, strict=True):
+        pairs = [
+            (e, np.quantile(np.abs(other - of_first), _NEARLY))
+            for e, other in zip(runs.shown, scaled, strict=True)
+            if other.shape == of_first.shape and np.array_equal(e.good, first.good)
+        ]
+        groups.append([e for e, apart in pairs if apart < line])
+    most = max(groups, key=len)
+    return most if len(most) > 1 else []
 
 
-def _draw_difference(axes: Axes, runs: ShownRuns, signal: str, degrees: bool) -> None:
-    """Draw median and quartiles of the second law minus the first, run by run."""
-    first, second = runs.shown
-    errors = [runs.errors(signal, e, degrees=degrees) for e in (second, first)]
+def _draw_difference(
+    axes: Axes, runs: ShownRuns, signal: str, laws: Sequence[Ensemble], degrees: bool
+) -> None:
+    """Draw the paired differences of laws from the first: medians, of two laws with quartiles."""
+    first, *others = laws
+    of_first = runs.errors(signal, first, degrees=degrees)
     axes.axhline(0.0, label=layout.NO_NUMBERS, **limit_look())
-    draw_middle(axes, runs.times(second), errors[0] - errors[1], second, "quartiles")
+    for law in others:
+        apart = runs.errors(signal, law, degrees=degrees) - of_first
+        draw_middle(axes, runs.times(law), apart, law, "median" if others[1:] else "quartiles")
     open_frame(axes)
-    layout.add_title(axes, f"{second.title} − {first.title}")
+    layout.add_title(axes, f"{others[0].title if not others[1:] else 'others'} − {first.title}")
     label = runs.error_label(signal, degrees=degrees)
     layout.name_scale(axes, label.replace("attitude error", "difference"))
 
@@ -393,6 +421,8 @@ def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
 
 _A_LINE = 0.01
 """Share of a scale by which curves in one line are apart."""
+_NEARLY = 0.9
+"""Share of the samples in which curves are in one line that look alike."""
 _COMMAND: dict[str, Any] = {"linewidth": 2.0, "zorder": 1.6, "solid_capstyle": "butt"}
 _ASKED = 0.4
 """Share of ink in what a law asks for, behind what the actuators give."""
@@ -400,8 +430,6 @@ _ANY = 0.7
 """Share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
 """Share of ink in the shading behind the curves."""
-_NEAR = 1e-6
-"""Relative tolerance within which a limit counts as reached."""
 _SEEN = 2.0
 """Multiple of the largest torque in a row up to which its limits are drawn."""
 _BRIEF, _SPIKE = 0.02, 0.75
@@ -409,21 +437,24 @@ _BRIEF, _SPIKE = 0.02, 0.75
 more than this share of their range."""
 _WORTH = 2.0
 """Least range of all samples, over that of the scale without its peaks, for which they leave it."""
-_LEAST_SHADE = 0.02
+NEAR = 1e-6
+"""Relative tolerance within which a limit counts as reached."""
+LEAST_SHADE = 0.02
 """Least width of the shading at a limit, as a share of the time: less is not seen."""
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "wheel_momentum": "momentum", LAW_OUTPUT: "number of the law"}
 _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
-_MOST_TURNS, _SHOWN_TURNS, _BINS = 200, 20, 150
-"""Most turns of a curve in a panel, those of a closer look, and parts of a range over time."""
+_MOST_TURNS, _BINS = 200, 150
+"""Most turns of a curve in a panel, and parts of a range over time."""
 _SKIPPED = 1.5
 """Periods of the control between two samples from which they hide what is between them."""
-_CLOSELY = "closely"
-"""Row of a closer look."""
+_BEYOND = "limits beyond some scales: "
 _FEW = 4
-"""Most thrusters or wheels whose panels have room for a scale with a name each."""
+"""Most thrusters or wheels with curves; of more, a map shows which share of a limit they take."""
+_MOST_PANELS = 12
+"""Most panels of axes; of more, a row shows the norm over the axes of a part."""
 _MOST_NAME = 12
 """Most characters in a line of the name of a thruster."""
 
@@ -433,7 +464,9 @@ class Commands(Panelled, OverTime):
     """Commands of a law and outputs of its actuators in one run; shaded: at a limit.
 
     A row per axis and a column per law, with the limits of each axis. Limits of other kinds,
-    such as of the norm, shade all axes.
+    such as of the norm, shade all axes. Instead of more than twelve panels, a row shows the norm of
+    a part; of more than four thrusters or wheels, a panel per law shows which share of its limit
+    each one takes, and when. The option `panels` draws chosen ones.
 
     Attributes
     ----------
@@ -473,48 +506,46 @@ class Commands(Panelled, OverTime):
                 "finds no actuators in this loop, so what a law asks for is what acts; figure "
                 "'torque' shows it"
             )
+        axes, units = self._rows(runs), dict(runs.axes)
+        if loads := self._loads(runs, width, list(axes)):
+            return loads
         if signal != LAW_OUTPUT:
             first_laws(runs, MOST[width])
-        axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
-        if signal != "torque":
-            axes = self._members(runs, width)
+            self._note_sampling(runs)
+        if self._is_grouped(runs):
+            units = {f"torque_norm{end}": runs.unit(f"torque_norm{end}") for end in runs.parts}
+            axes = {name: runs.error_label(name, degrees=False) for name in units}
+            runs.remarks.append("Norms over the axes of a part; option 'panels' draws axes.")
         members = self._with_values(runs, list(axes))
         places = {name: list(axes).index(name) for name in self.picked(members)}
         wanted = list(places)
-        span = runs.span
-        if signal != LAW_OUTPUT and (closely := self._closely(runs, places)):
-            fastest, span = closely
-            places[_CLOSELY] = places[fastest]
-            axes[_CLOSELY] = axes[fastest]
-            runs.remarks.append("Last row: the fastest of them, closely.")
         drawing, rows = self._panels(runs, width, places)
         kinds, peaks = set[str](), dict[tuple[Axes, float], str]()
-        limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name, k in places.items():
             name_scale(next(iter(rows[name].values())), axes[name])
-            within = span if name == _CLOSELY else runs.span
             row = [e for e in runs.shown if e.label in rows[name]]
             reach = self._reach(runs, row, k)
             for e in row:
                 panel = rows[name][e.label]
-                kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
-                panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
-                panel.set_xlim(within)
-            if signal == "torque" and name != _CLOSELY:
-                peaks |= dict.fromkeys(_bound_spikes(rows[name].values()), dict(runs.axes)[name])
+                kinds |= self._fill(panel, runs, e, k, reach)
+                panel.tick_params(labelbottom=name == wanted[-1])
+            if signal == "torque":
+                peaks |= dict.fromkeys(_bound_spikes(rows[name].values()), units[name])
         prefix_units(drawing.axes)
         for (panel, peak), unit in peaks.items():
             _write_peak(panel, peak, unit)
             kinds.add("spike")
         self._add_legend(drawing, runs, kinds)
-        if signal not in ("torque", LAW_OUTPUT) and len(wanted) > _FEW:
-            panels = [list(rows[name].values()) for name in wanted]
-            _name_at_right(panels, wanted, in_words(signal.replace("_", " "), runs.unit(signal)))
         return drawing
+
+    def _is_grouped(self, runs: ShownRuns) -> bool:
+        """Whether there are too many axes and laws for a panel each."""
+        many = len(runs.axes) * len(runs.shown) > _MOST_PANELS
+        return many and self._signal == "torque" and not self.panels
 
     def _with_values(self, runs: ShownRuns, members: list[str]) -> list[str]:
         """Return the axes along which something pushes, or the numbers that a law holds."""
-        if self._signal == "torque" and not self.panels:
+        if self._signal == "torque" and not self.panels and not self._is_grouped(runs):
             every = [self._values(runs, e) for e in runs.shown]
             return runs.pushed(members, [values for both in every for values in both])
         if self._signal == LAW_OUTPUT:
@@ -529,8 +560,20 @@ class Commands(Panelled, OverTime):
         outputs = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
         return float(_SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs)))
 
-    def _members(self, runs: ShownRuns, width: Width) -> dict[str, str]:
-        """Return the labels of thrusters, wheels or numbers of laws; drop laws without any."""
+    def _loads(self, runs: ShownRuns, width: Width, members: list[str]) -> Drawing | None:
+        """Return a map of many thrusters or wheels with limits; None for others."""
+        chosen = {name: members.index(name) for name in self.picked(members)}
+        if self._signal in ("torque", LAW_OUTPUT) or len(chosen) <= _FEW:
+            return None
+        if any(runs.limits(e, self.run, self._signal) is None for e in runs.shown):
+            return None
+        draws = functions_for("figure of loads")
+        return next((draw(runs, width, chosen, self._signal, self.run) for draw in draws), None)
+
+    def _rows(self, runs: ShownRuns) -> dict[str, str]:
+        """Return the labels of axes, thrusters, wheels or numbers of laws; drop laws without."""
+        if self._signal == "torque":
+            return {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         names, signal = runs.members(self._signal), self._signal
         units = [runs.unit(signal)] * len(names)
         if signal == LAW_OUTPUT:
@@ -563,65 +606,61 @@ class Commands(Panelled, OverTime):
         return drawing, rows
 
     def _values(self, runs: ShownRuns, ensemble: Ensemble) -> tuple[Array, Array]:
-        """Return what axes, thrusters or wheels give, and what the law asks for."""
+        """Return what axes, parts, thrusters or wheels give, and what the law asks for."""
+        output, command = self._along_axes(runs, ensemble)
+        if not self._is_grouped(runs):
+            return output, command
+        parts = runs.results[0].described.parts if len(runs.parts) > 1 else []
+        ends = np.cumsum([part.dimension for part in parts])[:-1]
+        norms = [
+            np.array([np.linalg.norm(of, axis=1) for of in np.split(values, ends, axis=1)]).T
+            for values in (output, command)
+        ]
+        return norms[0], norms[1]
+
+    def _along_axes(self, runs: ShownRuns, ensemble: Ensemble) -> tuple[Array, Array]:
         output = runs.of_run(self._signal, ensemble, self.run)
         if self._signal == "torque" and ensemble.results.has("command"):
             return output, runs.of_run("command", ensemble, self.run)
         return output, output
 
-    def _closely(
-        self, runs: ShownRuns, places: Mapping[str, int]
-    ) -> tuple[str, tuple[float, float]] | None:
-        """Return the row that turns most, and the time of some turns where they are largest.
+    def _at_limit(self, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits) -> Array:
+        """Return at which samples an axis, any axis of a norm, a thruster or a wheel is at one."""
+        command = self._along_axes(runs, ensemble)[1]
+        if ends is not None:
+            low, high = ends
+            beyond = command <= low + NEAR * np.abs(low)
+            beyond |= command >= high - NEAR * np.abs(high)
+            return np.any(beyond, axis=1) if self._is_grouped(runs) else beyond[:, k]
+        if ensemble.results.has("at_limit") and self._signal == "torque":
+            return runs.of_run("at_limit", ensemble, self.run) > 0
+        return np.zeros(len(command), dtype=bool)
 
-        None if every curve can be drawn.
-        """
+    def _note_sampling(self, runs: ShownRuns) -> None:
+        """Note that commands change between samples."""
         for e in runs.shown:
             control, stored = e.results.loops[e.law].vehicle.control, np.diff(runs.times(e))[0]
             if control and stored > _SKIPPED * control.period:
                 words = f"Stored every {stored:.3g} s, commanded every {control.period:.3g} s"
                 runs.remarks.append(f"{words}: faster motion is not seen.")
-                return None
-        most, zoom = _MOST_TURNS, None
-        for e, (name, k) in product(runs.shown, places.items()):
-            times = runs.times(e)
-            for values in (of[:, k] for of in self._values(runs, e)):
-                if (turns := _turns(values)) > most:
-                    starts, low, high = _ranges(values)
-                    middle = times[starts[np.nanargmax(high - low)]]
-                    wide = _SHOWN_TURNS / turns * np.ptp(times)
-                    start = float(np.clip(middle - wide / 2, times[0], times[-1] - wide))
-                    most, zoom = turns, (name, (start, start + float(wide)))
-        return zoom
+                return
 
     def _fill(
-        self,
-        axes: Axes,
-        runs: ShownRuns,
-        ensemble: Ensemble,
-        k: int,
-        ends: Limits,
-        span: tuple[float, float],
-        reach: float,
+        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, reach: float
     ) -> set[str]:
         """Draw one axis, thruster or wheel of a controller; shade where it is at a limit.
 
         Return the names of what the legend explains.
         """
         times, signal = runs.times(ensemble), self._signal
-        inside = (times >= span[0]) & (times <= span[1])
-        times = times[inside]
-        output, command = (value[inside, k] for value in self._values(runs, ensemble))
-        if ends is not None:
+        output, command = (value[:, k] for value in self._values(runs, ensemble))
+        ends = runs.limits(ensemble, self.run, signal)
+        beyond = self._at_limit(runs, ensemble, k, ends)
+        low, high = -np.inf, np.inf
+        if ends is not None and not self._is_grouped(runs):
             low, high = float(ends[0][k]), float(ends[1][k])
-            beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
-        else:
-            low, high = -np.inf, np.inf
-            beyond = np.zeros(len(times), dtype=bool)
-            if ensemble.results.has("at_limit") and signal == "torque":
-                beyond = runs.of_run("at_limit", ensemble, self.run)[inside] > 0
-        for start, end in _stretches(times, beyond):
-            end = max(end, start + _LEAST_SHADE * (span[1] - span[0]))
+        for start, end in stretches(times, beyond):
+            end = max(end, start + LEAST_SHADE * float(np.ptp(runs.span)))
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
         kinds = {"at a limit"} if beyond.any() else set()
         ends_there = [(k, end) for k, end in enumerate((low, high)) if np.isfinite(end)]
@@ -630,8 +669,9 @@ class Commands(Panelled, OverTime):
             for number, end in ends_there:
                 axes.axhline(end, label=f"limit {number}", **limit_look())
         elif len(ends_there) == 2 and reach:
-            text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
-            kinds.add(f"limits beyond some scales: {text}".replace("-", "−"))
+            unit = runs.axes[k][1] if signal == "torque" else runs.unit(signal)
+            text = f"±{high:.3g}" if low == -high else f"{low:.3g} to {high:.3g}"
+            kinds.add(f"{_BEYOND}{text} {unit}".replace("-", "−"))
         label = _OUTPUT.get(signal, signal.replace("_", " "))
         fast = _draw(axes, times, output, color=ensemble.look.colour, label=label)
         if signal == "torque":
@@ -656,20 +696,11 @@ class Commands(Panelled, OverTime):
         if "at a limit" in kinds:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
-        beyond = [kind for kind in sorted(kinds) if kind.startswith("limits")]
+        ends = [x.removeprefix(_BEYOND) for x in sorted(kinds) if x.startswith(_BEYOND)]
+        beyond = [f"{_BEYOND}{', '.join(ends)}"] if ends else []
         notes = [*beyond, *(["numbers: brief peaks beyond the scale"] if "spike" in kinds else [])]
         runs.remarks += [f"{note[0].upper()}{note[1:]}." for note in [*notes, f"run {self.run}"]]
         runs.note = ", ".join(filter(None, [f"run {self.run}", *notes, runs.note]))
-
-
-def _name_at_right(rows: Sequence[Sequence[Axes]], names: Sequence[str], scale: str) -> None:
-    """Name many rows at their right, and their common scale at the middle one."""
-    for panels, name in zip(rows, names, strict=True):
-        panels[0].set_ylabel("")
-        place: dict[str, Any] = {"xycoords": "axes fraction", "va": "center", "ha": "left"}
-        text = free_text(name, _MOST_NAME)
-        panels[-1].annotate(text, (1.05, 0.5), fontsize="small", **place)
-    name_scale(rows[len(rows) // 2][0], scale)
 
 
 def _bound_spikes(panels: Iterable[Axes]) -> list[tuple[Axes, float]]:
@@ -738,7 +769,7 @@ def _range(look: Mapping[str, Any]) -> dict[str, Any]:
     return {"facecolor": (look["color"], 0.35), "linewidth": 0}
 
 
-def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:
+def stretches(times: Array, inside: Array) -> list[tuple[float, float]]:
     """Return start and end of each stretch of samples inside, extended by half a step."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     between = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])

@@ -204,28 +204,58 @@ def test_a_signal_too_fast_for_its_panel_is_a_range_and_a_mean():
     )
 
 
-def test_what_is_too_fast_is_shown_closely_where_it_is_largest(simulate, opened, altered):
-    """A burst of 40 Hz about t = 1.5 s along ωy of gt; the last row shows it as it is."""
-    path = simulate(**FLIES, time={"duration": 5, "samples": 2001}, ensemble={"runs": 1})
-    times, torque = opened(path).times, 0 * opened(path)["torque"]
-    torque[1, 0, :, 1] = (0.1 + np.exp(-((times - 1.5) ** 2))) * np.sin(80 * np.pi * times)
-    burst = altered(path, torque=torque, command=torque)
-    drawing = Commands(controllers=["gt"]).draw([burst])
-    *_, panel = drawing.axes
-    low, high = panel.get_xlim()
-    assert low < 1.5 < high and high - low == pytest.approx(20 / 80, rel=0.1)
-    drawn = panel.lines[-2]
-    inside = (times >= low) & (times <= high)
-    np.testing.assert_array_equal(drawn.get_ydata(), torque[1, 0, inside, 1])
-    assert not panel.collections
-    assert "Last row: the fastest of them, closely." in drawing.get_supxlabel()
-
-
-def test_what_samples_do_not_show_is_not_shown_closely(simulate, opened, altered):
+def test_samples_between_which_commands_change_are_noted(simulate, opened, altered):
     """Samples at 12.5 ms of commands at 5 ms may show any frequency."""
     control = {"control": {"period": 0.005}, "controllers": ["gt"], "ensemble": {"runs": 1}}
     path = simulate(**FLIES | control, time={"duration": 0.5, "samples": 41})
     torque = opened(path)["torque"] * 0 + (-1.0) ** np.arange(41)[:, None]
     drawing = Commands().draw([altered(path, torque=torque, command=torque)])
     words = "Stored every 0.0125 s, commanded every 0.005 s: faster motion is not seen."
-    assert words in drawing.get_supxlabel() and len(drawing.axes) == 3
+    assert words in drawing.get_supxlabel()
+
+
+LOADED = {
+    "kind": "thrusters",
+    "matrix": [[1, 0, 0, 1, 0], [0, 1, 0, 0, 1], [0, 0, 1, 0, 0]],
+    "low": -1.0,
+    "high": 2.0,
+}
+
+
+@pytest.mark.ci("flies a vehicle with thrusters")
+@pytest.mark.needs("bodies")
+def test_a_map_shows_when_each_of_many_thrusters_is_at_its_limit(simulate, opened, altered):
+    """Of gt, from 1 s to 3 s, thruster 2 pushes back with 0.6 N of 1 N and thruster 4 with 2 N."""
+    path = simulate(**FLIES | {"actuators": [LOADED]})
+    thrust = 0 * opened(path)["thrust"]
+    between = (opened(path).times > 1) & (opened(path).times < 3)
+    thrust[1, 0, between, 1], thrust[1, 0, between, 3] = -0.6, 2.0
+    drawing = Commands(thrusters=True).draw([altered(path, thrust=thrust)])
+    eqt, gt = drawing.axes
+    assert [axes.get_title() for axes in (eqt, gt)] == ["EqT", "GT"]
+    assert [text.get_text() for text in gt.texts] == ["0 %", "60 %", "0 %", "100 %", "0 %"]
+    assert "limits −1 and 2 N" in drawing.get_supxlabel().replace("\n", " ")
+    bars = [bars for bars in gt.collections if bars.get_paths()]
+    assert not any(bars.get_paths() for bars in eqt.collections)
+    for bar, row in zip(bars, (1, 3), strict=True):
+        (left, low), (right, high) = bar.get_paths()[0].get_extents().get_points()
+        assert (low + high) / 2 == pytest.approx(row)
+        assert (left, right) == pytest.approx((1, 3), abs=0.11)  # a sample
+    few = Commands(thrusters=True, panels=["thruster 2"]).draw([opened(path)])
+    assert [len(axes.lines) for axes in few.axes] == [3, 3]
+
+
+def test_many_axes_and_laws_are_norms_of_parts(simulate, opened, altered):
+    changes = {"group": "SE3", "inertia": 1.0, "actuators": [{"kind": "limit", "limit": 1.0}]}
+    laws = {"controllers": ["eqt", "gt", "nog"], "ensemble": {"runs": 1}}
+    path = simulate(**FLIES | changes | laws, reference={"torque": ["cos(t)", 0, 0, 1, 0, 0]})
+    drawing = Commands().draw([opened(path)])
+    first, other = (axes.get_ylabel() for axes in drawing.axes if axes.get_ylabel())
+    assert len(drawing.axes) == 6 and r"\tau" in first and "|f" in other
+    given, asked = drawing.axes[4].lines
+    for line, signal in ((given, "torque"), (asked, "command")):
+        wanted = np.sqrt(np.sum(opened(path)[signal][1, 0, :, 3:] ** 2, axis=1))
+        np.testing.assert_allclose(line.get_ydata(), wanted, rtol=1e-12)
+    beyond = np.abs(opened(path)["command"][1, 0]).max(axis=1) >= 1.0
+    np.testing.assert_array_equal(shaded(drawing.axes[4], opened(path).times), beyond)
+    assert len(Commands(panels=["wx", "vz"]).draw([opened(path)]).axes) == 6

@@ -34,15 +34,22 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     ]
 
 
-def test_two_laws_of_one_curve_have_their_paired_difference_in_a_panel(so3, altered, opened):
-    error = opened(so3)["pose_error"].copy()
-    error[1] = error[0] + 1e-3 * np.sin(np.arange(error.shape[-1])) * error[0].max()
-    figure = Summary(controllers=["eqt", "gt"], degrees=False)
-    drawing = figure.draw([altered(so3, pose_error=error)])
+@pytest.mark.parametrize(("log", "scale"), [(False, "linear"), (True, "log")])
+def test_laws_of_one_curve_have_their_paired_differences_in_a_panel(
+    log, scale, so3, altered, opened
+):
+    """GT and asym differ from EqT by 1/1000 of its peak; on a logarithm, of its value."""
+    error, notes = opened(so3)["pose_error"].copy(), []
+    apart = 1e-3 * (error[0] if log else error[0].max()) * np.sin(np.arange(error.shape[-1]))
+    error[1], error[3] = error[0] + apart, error[0] - apart
+    figure = Summary(controllers=["eqt", "gt", "asym"], degrees=False, log=log)
+    drawing = figure.draw([altered(so3, pose_error=error)], captions=notes)
     [panel] = [axes for axes in drawing.axes if axes.get_label() == "difference of pose_error"]
-    assert panel.get_title() == "GT − EqT"
-    median = np.median(error[1] - error[0], axis=0)
-    np.testing.assert_array_equal(panel.lines[-1].get_ydata(), median)
+    assert panel.get_title() == "others − EqT" and drawing.axes[0].get_yscale() == scale
+    for law, line in zip((1, 3), panel.lines[1:], strict=True):
+        median = np.median(error[law] - error[0], axis=0)
+        np.testing.assert_array_equal(line.get_ydata(), median)
+    assert "EqT, GT and asym: one curve (medians" in drawing.get_supxlabel()
     assert len(figure.draw([opened(so3)]).axes) == len(drawing.axes) - 1
 
 
@@ -287,7 +294,7 @@ def test_a_scale_is_logarithmic_from_two_decades(decades, scale, so3, altered, o
     values = falling(opened(so3), 1.0, decades)
     for law in values:
         law *= 5.0
-    (axes,) = Summary(panels=["pose_error"]).draw([altered(so3, pose_error=values)]).axes
+    axes, *_ = Summary(panels=["pose_error"]).draw([altered(so3, pose_error=values)]).axes
     assert axes.get_yscale() == scale
 
 

@@ -1,4 +1,4 @@
-"""Where bodies went: figures of paths and poses, and what stands for a body in a picture."""
+"""Where bodies went: figures of paths and poses, what stands for a body, loads of thrusters."""
 
 from eqt_cli.base.extensions import Extension
 
@@ -7,3 +7,4 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     for name in ("path", "pose"):
         extension.add_component("figures", name, "figures")
+    extension.add_function("figure of loads", "loads.draw_loads")

@@ -26,6 +26,7 @@ from eqt_cli.figures.cells import even
 from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
+from eqt_cli.figures.many_laws import draw_laws
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
@@ -134,13 +135,12 @@ class PathFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw all laws together, or a panel for each."""
         view = self._view(runs)
-        first_laws(runs, _MOST_SPHERES[width] if view == "sphere" else _most_together(runs))
-        most = self.runs or (1 if len(runs.shown) > 1 else _MANY)
         unit, factor = runs.results[0].shown_in("", "m")
-        paths = [self._flown(runs, law, view, most, factor) for law in runs.shown]
-        is_asked = self.view or self.colour == "error"
-        if view == "sphere" and not is_asked and max(map(_turns, paths)) > _MOST_TURNS:
+        paths = self._paths(runs, view, factor)
+        if self._winds(view, paths):
             return self._over_time(runs, width, paths)
+        most = _MOST_SPHERES[width] if view == "sphere" else _most_together(runs)
+        paths = paths[: len(first_laws(runs, most))]
         away = {
             path.law.label: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
             for path in paths
@@ -193,10 +193,7 @@ class PathFigure(OverTime):
             else ""
         )
         what = "; on the ground, the shadow of the reference" if view == "space" else what
-        first = {int(law.results.stored_runs[law.good][0]) for law in runs.shown}
-        which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
-        which = f"First {max(len(p.places) for p in paths)} runs" if many else which
-        runs.remarks.append(f"{which}{what}.")
+        runs.remarks.append(f"{_which(paths)}{what}.")
         return drawing
 
     def _view(self, runs: ShownRuns) -> str:
@@ -219,6 +216,16 @@ class PathFigure(OverTime):
 
     def _over_time(self, runs: ShownRuns, width: Width, paths: Sequence[Flown]) -> Drawing:
         """Draw the angle between the body axis and the axis of the reference over time."""
+        axis, which = self._axis(runs)[0], _which(paths)
+        winds = "which winds too often for a sphere; view=sphere draws it"
+        runs.remarks.append(f"{which}: the body axis {axis}, {winds}.")
+        runs.note = f"{which.lower()}: {axis} from the reference, too many turns for a sphere"
+        what = "The angle between a body axis and the axis of the reference over time"
+        if len(paths) > _most_together(runs):
+            angles = {path.law.label: errors_of(path, "sphere") for path in paths}
+            drawing = draw_laws(runs, width, in_words("angle", "deg"), values=angles)
+            drawing.set_label(f"{what}, a panel for each law; grey: the others.")
+            return drawing
         drawing, panels = layout.sheet(width, [["angle"]], runs.span, runs.unit("time"))
         for path in paths:
             of_runs, look = errors_of(path, "sphere"), line_style(path.law.look)
@@ -229,13 +236,18 @@ class PathFigure(OverTime):
         layout.name_scale(panels["angle"], in_words("angle", "deg"))
         handles = _laws(runs)
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        axis = self._axis(runs)[0]
-        runs.remarks.append(
-            f"Of the body axis {axis}, which winds too often for a sphere; view=sphere draws it."
-        )
-        runs.note = f"of {axis}, from the reference; too many turns for a sphere"
-        drawing.set_label("The angle between a body axis and the axis of the reference over time.")
+        drawing.set_label(f"{what}.")
         return drawing
+
+    def _paths(self, runs: ShownRuns, view: str, factor: float) -> list[Flown]:
+        """Return the paths of all laws."""
+        most = self.runs or (1 if len(runs.shown) > 1 else _MANY)
+        return [self._flown(runs, law, view, most, factor) for law in runs.shown]
+
+    def _winds(self, view: str, paths: Sequence[Flown]) -> bool:
+        """Whether a path winds around a sphere that nobody asked for too often to be followed."""
+        is_asked = self.view or self.colour == "error"
+        return view == "sphere" and not is_asked and max(map(_turns, paths)) > _MOST_TURNS
 
     def _axis(self, runs: ShownRuns) -> tuple[str, Array]:
         """Return the body axis of the sphere, with its name."""
@@ -491,8 +503,6 @@ def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str, signs: Array) -> 
 # Figure of the pose of one run, component by component, and its errors ----------------------------
 
 
-_TALLEST_POSE = 5.4
-"""Largest height of all rows together, in."""
 _STEP = 2.0
 """A line of angles breaks where one changes by more from sample to sample: a turn, rad."""
 _STEEP = 80.0
@@ -546,7 +556,7 @@ class PoseFigure(OverTime):
             mosaic.append([f"{name} error" if name in errors else layout.EMPTY for name in names])
         if len(parts) == 1 and width != "column":
             mosaic = layout.rows_of([name for (name,) in mosaic], 2)
-        drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST_POSE)
+        drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
         for part, e in product(parts, runs.shown):
             frame = desired[e.label] if part.name in steep else None
             of_reference = shown_in[part.name][1] * _values(G, part, desired[e.label], frame)
@@ -573,6 +583,14 @@ class PoseFigure(OverTime):
             runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
+
+
+def _which(paths: Sequence[Flown]) -> str:
+    """Return which runs are drawn, in words."""
+    if (several := max(len(path.places) for path in paths)) > 1:
+        return f"First {several} runs"
+    first = {int(x.law.results.stored_runs[x.law.good][0]) for x in paths}
+    return f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
 
 
 def _most_together(runs: ShownRuns) -> int:
