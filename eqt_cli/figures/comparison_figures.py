@@ -17,7 +17,7 @@ from eqt_cli.analysis.maps import NOBODY, compare_map
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.cells import even, scale_log, spans_decade
 from eqt_cli.figures.figure import OfDifferences, OfMetrics, first_laws
-from eqt_cli.figures.labels import free_text, metric_label
+from eqt_cli.figures.labels import free_text, metric_label, notation
 from eqt_cli.figures.layout import (
     BAND,
     LONGEST,
@@ -335,8 +335,8 @@ class Forest(OfDifferences):
         differences = np.array(leads)
         decided = self._decided(swept)
         _draw_differences(left, rows, 100 * differences, decided, f"{first} − {second}")
-        words = free_text(f"median difference of {quantity.plain}", _LONGEST_SCALE[width])
-        name = free_text(f"{first} − {second}, % of {second}", _LONGEST_SCALE[width])
+        words = free_text(notation(quantity.plain), _LONGEST_SCALE[width])
+        name = free_text(f"{first} − {second} (% of {second})", _LONGEST_SCALE[width])
         left.set_xlabel(f"{words}\n{name}")
         for k, look in enumerate(swept.looks):
             share, low, high = shares(settled[:, k].astype(float), self.confidence).T
@@ -356,7 +356,8 @@ class Forest(OfDifferences):
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
         swept.remarks += self._remarks(swept, differences, first)
-        swept.note = f"bars: {100 * self.confidence:g} % intervals; hollow: undecided"
+        ends = f"bars: {100 * self.confidence:g} % intervals"
+        swept.note = f"median paired differences; {ends}; hollow: undecided"
         return drawing
 
     def _decided(self, swept: ShownSweep) -> Array:

@@ -160,7 +160,7 @@ class ShownRuns(ShownControllers):
         return turns and self.unit(signal) == "rad/s"
 
     def solver_error(self, signal: str, drawn: Array, *, degrees: bool) -> float:
-        """Return how far a solver's error may carry `errors` from 0; of L, that share of its peak.
+        """Return how far errors of a solver and of rounding may carry what is drawn from 0.
 
         The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
         """
@@ -175,12 +175,16 @@ class ShownRuns(ShownControllers):
         if signal == "attitude_angle" or (degrees and signal in self.attitude_errors):
             return float(np.degrees(turn_of_distance(np.array(largest))))
         largest = np.degrees(largest) if degrees and self._turns_at(signal) else largest
-        return largest * float(np.nanmax(drawn)) if signal == "lyapunov" else largest
+        if signal == "lyapunov":  # which is quadratic, and a difference of terms of its peak
+            return max(largest**2, ROUNDING * float(np.nanmax(drawn)))
+        return largest
 
     def settled_below(self, signal: str, *, degrees: bool) -> float:
         """Return the threshold of `errors` below which runs are settled; NaN where it has none."""
         thresholds: list[Any] = [result.config.get("settling_threshold") for result in self.results]
         below, parts = thresholds[0], self.results[0].described.parts
+        if self._turns_at(signal) and isinstance(below, Mapping) and "rate" in below:
+            return float(np.degrees(below["rate"]) if degrees else below["rate"])
         ends = zip(self.parts, parts, strict=True) if len(self.parts) == len(parts) else ()
         part = {self.drawn_signal(f"pose_error{end}"): part for end, part in ends}.get(signal)
         if part is None or below is None or any(other != below for other in thresholds):

@@ -22,8 +22,6 @@ _DESIRED = re.compile(r"\b(\w)_d\b")
 _LONGEST = 30
 """Most characters in a line of a user's name of a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
-_SQUARE = re.compile(r"\(([A-Za-z ]+)\)\^2")
-"""Square of a product of units, written out because the unit itself stands in parentheses."""
 _DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
 """Index that describes, such as of an error or a desired value, and is therefore upright."""
 
@@ -46,17 +44,22 @@ def quantity(symbol: str, unit: str) -> str:
         return f"${symbol}$ (mixed units)"
     if not _PLAIN_UNIT.fullmatch(unit):
         return f"${symbol}$ ({_literal(unit)})"
-    return rf"${symbol}$ $({_upright(unit)})$"
+    left, right = "[]" if "(" in unit else "()"
+    return rf"${symbol}$ ${left}{_upright(unit)}{right}$"
 
 
 def _upright(unit: str) -> str:
-    flat = _SQUARE.sub(lambda of: " ".join(f"{one}^2" for one in of[1].split()), unit)
-    powers = re.sub(r"\^(-?\d+)", r"^{\1}", flat).replace(" ", r"\,")
+    powers = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
     return rf"\mathrm{{{powers}}}"
 
 
 def in_words(words: str, unit: str) -> str:
-    """Return an axis label in words, with the unit in parentheses as in `quantity`."""
+    """Return an axis label in words, with the unit in parentheses as in `quantity`.
+
+    Indices are mathematics, too, whose font has no letters for them.
+    """
+    if not style.DOLLAR.search(words):
+        words = "".join(f"${style.command(x)}$" if shift(x) else x for x in words)
     return words + quantity("", unit).removeprefix("$$")
 
 

@@ -68,7 +68,8 @@ class SweepFigure(OfOneMetric):
 
     Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
 
-    Frames mark the best cell of each map, and those that are equal to it. Cells with failed runs,
+    Frames mark the smallest mean of each map, or the largest where that is better, and those equal
+    to it as written; no test says that it is better than its neighbours. Cells with failed runs,
     which have no mean, are hatched in two directions; hatched in one are cells with censored runs,
     whose number lies beyond the horizon. The means are written in the cells where they fit.
 
@@ -132,7 +133,8 @@ class SweepFigure(OfOneMetric):
             return image
 
         drawing = _draw_maps(swept, cells, columns, (width, height), label, draw)
-        _explain(drawing, bool(failed.any()), bool(beyond.any()))
+        least = {"lower": "smallest mean", "higher": "largest mean"}.get(better, "")
+        _explain(drawing, least, bool(failed.any()), bool(beyond.any()))
         return drawing
 
     def _colours(self, means: Array) -> Normalize:
@@ -213,15 +215,16 @@ def _best(means: Array, better: str) -> list[int]:
     return [k for k, mean in enumerate(means) if np.isfinite(mean) and short(mean) == short(best)]
 
 
-def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
+def _explain(drawing: Drawing, least: str, failed: bool, beyond: bool) -> None:
     """Add a legend of frames and hatches."""
-    looks: dict[str, dict[str, Any]] = {"best mean": {"linewidth": 1.0}}
+    looks: dict[str, dict[str, Any]] = {least: {"linewidth": 1.0}} if least else {}
     if failed:
         looks["failed runs, no mean"] = {"hatch": FAILED, "linewidth": 0}
     if beyond:
         looks["censored runs, counted with the horizon"] = {"hatch": BEYOND, "linewidth": 0}
-    patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for look in looks.values()]
-    add_legend(drawing, patches, list(looks))
+    if looks:
+        patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for look in looks.values()]
+        add_legend(drawing, patches, list(looks))
 
 
 def _name(panel: Axes, x: float, y: float, law: str) -> None:

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import CountOrNone
-from eqt_cli.base.reporting import significant
+from eqt_cli.base.reporting import listed, significant
 from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import Prefixed, number_text, prefix_units, scale_norm, spans_decade
@@ -60,6 +60,8 @@ from eqt_cli.results.summary import repeats
 
 
 _FUNCTION = "lyapunov"
+_NAMES = dict(zip(NORMS, ("pose error", "velocity error", "torque norm"), strict=True))
+_NAMES[_FUNCTION] = "Lyapunov function"
 _DECADES = 100.0
 """Largest value over the smallest from which a scale is logarithmic."""
 _TITLES = {
@@ -112,15 +114,13 @@ class Summary(Panelled, OverTime):
             signal = norms[0] if norms[0] != NORMS[0] else ""
             return draw_laws(runs, width, signal, degrees=degrees, log=self.log)
         drawing = self._draw(runs, width, norms, degrees)
-        if not has_function:
-            drawing.set_label("Medians over runs of pose error, velocity error and torque norm.")
         several = any(np.count_nonzero(e.good) > 1 and not repeats(e.results) for e in runs.shown)
         middle = "mean" if self.printed else "median"
-        of = (
-            f" of {' and '.join(e.title for e in runs.shown[:BANDS])}"
-            if len(runs.shown) > BANDS
-            else ""
-        )
+        if not self.printed:
+            over, drawn = "Medians over runs of", listed([_NAMES[norm] for norm in norms])
+            drawing.set_label(f"{over} {drawn}." if several else f"One run: {drawn}.")
+        bounded = runs.shown[:BANDS] if len(runs.shown) > BANDS else []
+        of = f" of {listed([e.title for e in bounded])}" if bounded else ""
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
         runs.remarks.append(f"Curves: {f'{middle} over ' if several else ''}{runs.count()}{bands}.")
         counted = (
@@ -184,9 +184,8 @@ class Summary(Panelled, OverTime):
                 of_laws = [middles[runs.shown.index(e)] for e in laws]
                 apart = significant(float(np.ptp(of_laws, axis=0).max()), 1).replace("e-", "e−")
                 unit = "deg" if degrees and signal in runs.attitude_errors else runs.unit(signal)
-                titles = [e.title for e in laws]
-                words = f"{', '.join(titles[:-1])} and {titles[-1]}"
-                within.setdefault(words, []).append(f"{apart} {unit}".removesuffix(" 1"))
+                titles = listed([e.title for e in laws])
+                within.setdefault(titles, []).append(f"{apart} {unit}".removesuffix(" 1"))
         one = [f"{x}: one curve (medians within {' and '.join(y)})" for x, y in within.items()]
         runs.note = ", ".join(filter(None, [*one, runs.note]))
         return alike
@@ -358,6 +357,8 @@ class Torque(Panelled, OverTime):
             label = quantity(force_component(name, unit), unit)
             layout.name_scale(panels[name], f"{'' if signed else 'rms '}{share}{label}")
         layout.add_legend(drawing, list(handles.values()), list(handles))
+        what = f"{middle[0].upper()}{middle[1:]}{band} over runs of the" if several else "The"
+        drawing.set_label(f"{what} {share}torque, a panel per axis of the body.")
         return drawing
 
     def _share_of(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
@@ -701,6 +702,11 @@ class Commands(Panelled, OverTime):
         notes = [*beyond, *(["numbers: brief peaks beyond the scale"] if "spike" in kinds else [])]
         runs.remarks += [f"{note[0].upper()}{note[1:]}." for note in [*notes, f"run {self.run}"]]
         runs.note = ", ".join(filter(None, [f"run {self.run}", *notes, runs.note]))
+        if self._is_grouped(runs):
+            drawing.set_label("Norms of commands and outputs in one run; shaded: at a limit.")
+        elif self._signal != "torque":
+            member = runs.results[0].dims(self._signal)[-1].replace("_", " ")
+            drawing.set_label(f"The {output} of each {member} in one run; shaded: at a limit.")
 
 
 def _bound_spikes(panels: Iterable[Axes]) -> list[tuple[Axes, float]]:

@@ -85,7 +85,7 @@ def test_labels_name_unit_and_window(so3, opened, picture):
     metrics = ["effort", "early_torque", "mean_pose_error", "settling_time", "steps"]
     drawing = picture(Distributions(metrics=metrics), results)
     assert [axes.get_xlabel() for axes in drawing.axes] == [
-        r"effort $(\mathrm{N^{2}\,m^{2}\,s})$",
+        r"effort $[\mathrm{(N\,m)^{2}\,s}]$",
         r"mean $\|\tau\|$ $(\mathrm{N\,m})$, first 5 s",
         r"mean $\|I - Q_{\mathrm{E}}\|_{\mathrm{F}}$",
         r"settling time $(\mathrm{s})$",

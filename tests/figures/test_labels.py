@@ -21,7 +21,7 @@ from eqt_cli.results.metrics import QUANTITIES
         ("N m", r"$L$ $(\mathrm{N\,m})$"),
         ("m/s^2", r"$L$ $(\mathrm{m/s^{2}})$"),
         ("m s^-2", r"$L$ $(\mathrm{m\,s^{-2}})$"),
-        ("(N m)^2 s", r"$L$ $(\mathrm{N^{2}\,m^{2}\,s})$"),
+        ("(N m)^2 s", r"$L$ $[\mathrm{(N\,m)^{2}\,s}]$"),
         ("µm", "$L$ (µm)"),
         ("US$", r"$L$ (US\$)"),
         ("m^", "$L$ (m^)"),

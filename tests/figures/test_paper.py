@@ -310,16 +310,16 @@ def test_no_scale_reaches_a_sentinel(low, so3, altered, opened):
 
 def test_a_scale_ends_at_the_error_of_the_solver(so3, altered, opened):
     results = opened(so3)  # whose tolerance is 1e-3, without an estimate
-    (axes,) = (
-        Summary(panels=["pose_error"])
-        .draw([altered(so3, pose_error=falling(results, 1.0, 9))])
-        .axes
-    )
-    assert axes.get_ylim()[0] == pytest.approx(np.degrees(2 * np.arcsin(1e-3 / np.sqrt(8))))
-    (axes,) = (
-        Summary(panels=["lyapunov"]).draw([altered(so3, lyapunov=falling(results, 1.0, 9))]).axes
-    )
-    assert axes.get_ylim()[0] == pytest.approx(1e-6)
+
+    def floor(**signals):
+        figure = Summary(panels=list(signals), controllers=["eqt"])
+        (axes,) = figure.draw([altered(so3, **signals)]).axes
+        return axes.get_ylim()[0]
+
+    angle = np.degrees(2 * np.arcsin(1e-3 / np.sqrt(8)))
+    assert floor(pose_error=falling(results, 1.0, 9)) == pytest.approx(angle)
+    assert floor(lyapunov=falling(results, 1.0, 9)) == pytest.approx(1e-6)
+    assert floor(lyapunov=falling(results, 1e5, 18)) == pytest.approx(1e-4)  # rounding
 
 
 def test_a_law_that_diverges_is_cut_off_and_named_in_the_panel(so3, altered, opened):

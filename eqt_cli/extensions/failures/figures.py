@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.extensions.failures.finding import BadRuns, Finding, Known, of_result
 from eqt_cli.extensions.failures.views import answer
@@ -19,8 +20,8 @@ from eqt_cli.results.result import Result
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 4}
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 2.6}
-_CHARACTERS = 34
-"""Most characters of the label of an axis."""
+_CHARACTERS: dict[Width, int] = {"column": 22, "page": 30, "slide": 24}
+"""Most characters in a line of the label of an axis."""
 
 
 class ShownFailures(ShownControllers):
@@ -77,7 +78,7 @@ class Failures(Figure[ShownFailures]):
             panel = panels[ensemble.label]
             if len(laws) > 1:
                 add_title(panel, ensemble.title)
-            self._fill(panel, shown, ensemble, law, rows)
+            self._fill(panel, shown, ensemble, law, rows, _CHARACTERS[width])
         look: dict[str, Any] = {"linestyle": "none", "color": ink()}
         handles = [Line2D([], [], marker="x", **look), Line2D([], [], marker=".", **look)]
         add_legend(drawing, handles, [" or ".join(_kinds(shown)), "other runs"])
@@ -90,6 +91,7 @@ class Failures(Figure[ShownFailures]):
         ensemble: Ensemble,
         law: BadRuns,
         rows: Sequence[Finding],
+        characters: int,
     ) -> None:
         """Draw the runs of a law."""
         known = {row.known.name: row.known for row in rows}
@@ -118,14 +120,19 @@ class Failures(Figure[ShownFailures]):
             name = f"{ensemble.label}, cut"
             panel.axvline(row.cut, linestyle=":", color=colour, linewidth=1, label=name)
         panel.margins(0.05)
-        panel.set_xlabel(_label(first))
-        panel.set_ylabel(_label(second))
+        panel.set_xlabel(_label(first, characters))
+        panel.set_ylabel(_label(second, characters))
+        panel.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
         open_frame(panel)
 
 
-def _label(known: Known) -> str:
-    words = free_text(known.name, _CHARACTERS)
-    return words if known.unit in ("", "1") else in_words(words, known.unit)
+def _label(known: Known, characters: int) -> str:
+    words = free_text(known.name, characters)
+    if known.unit in ("", "1"):
+        return words
+    label = in_words(words, known.unit)
+    is_long = len(words.split("\n")[-1]) + len(known.unit) + 3 > characters
+    return label.replace(" $(", "\n$(") if is_long else label
 
 
 def _kinds(shown: ShownFailures) -> list[str]:
