@@ -356,8 +356,8 @@ class Forest(OfDifferences):
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
         swept.remarks += self._remarks(swept, differences, first)
-        ends = f"bars: {100 * self.confidence:g} % intervals"
-        swept.note = f"median paired differences; {ends}; hollow: undecided"
+        interval = f"bars: {100 * self.confidence:g} % intervals"
+        swept.note = f"median paired differences; {interval}; hollow: undecided"
         return drawing
 
     def _decided(self, swept: ShownSweep) -> Array:
