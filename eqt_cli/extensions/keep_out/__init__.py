@@ -8,4 +8,5 @@ def register(extension: Extension) -> None:
     extension.add_component("metrics", "keep_out_time", "cones")
     extension.add_component("metrics", "keep_out_margin", "cones")
     extension.add_component("figures", "keep_out", "figures")
+    extension.add_function("boxes of a diagram", "diagram.boxes")
     extension.add_function("remarks on an experiment", "remarks.remarks")

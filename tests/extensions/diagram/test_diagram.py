@@ -69,6 +69,17 @@ def test_a_cascade_says_what_it_takes_off():
     assert text.count("the law knows such a force") == 1
 
 
+def test_cones_and_bounds_that_end_runs_are_drawn_where_they_act():
+    loop = eqt_cli.diagram("cubesat_sun", {"failed_when": {"rate": "5 deg/s", "torque_norm": 1}})
+    facts = r"slew.*keep-out cones.*30 deg off \(1, 0.35, 0\).*moving direction.*no law.*"
+    stop = r"gravity gradient.*ends as failed.*rate beyond 5 deg/s.*torque norm beyond 1 N m"
+    assert re.search(f"{facts}law: .*plant: .*{stop}.*sensors", loop.text(), re.S)
+    for narrow in (False, True):
+        drawn = words_of(loop.svg(narrow=narrow))
+        assert re.search(facts, drawn) and re.search(stop, drawn)
+    assert "ends as failed" not in eqt_cli.diagram("cubesat_sun").text()
+
+
 def test_the_torque_of_a_law_stands_before_what_rejects_for_it():
     rejecting = {"kind": "indi", "law": "lee2010", "cutoff": "0.1 Hz"}
     text = eqt_cli.diagram("satellite_breaks", {"controllers": [rejecting]}).text()
