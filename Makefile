@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check notebooks sheets suite test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check notebooks sheets suite suite-again test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -49,6 +49,9 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 # Searches that results/suite holds are used again. ARGS='--laws eqt,gt --out part.zip' computes some only.
 suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: 10 CPU minutes
 	$(BIN)/eqt suite archive $(ARGS)
+
+suite-again: $(VENV)/.stamp-base ## tune the archive's laws on other training samples; no verdict may be reversed: 10 CPU minutes
+	$(BIN)/eqt suite repeat $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.
 test test-core test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1

@@ -92,11 +92,10 @@ def run(
         --tasks A,B  Only these tasks; then there is no mean over tasks.
     """
     from eqt_cli.extensions.suite import suite
-    from eqt_cli.extensions.suite.laws import read_law, shipped_laws
+    from eqt_cli.extensions.suite.laws import law_of
     from eqt_cli.extensions.suite.tasks import chosen_tasks
 
-    shipped = shipped_laws()
-    chosen = shipped[law] if law in shipped and not Path(law).exists() else read_law(law)
+    chosen = law_of(law)
     wanted = chosen_tasks(_names(tasks))
     folder, cores = out or suite.FOLDER / chosen.label, workers or options.cores()
     if gains is not None:
@@ -276,6 +275,39 @@ def archive(
     if json:
         return
     output.print_text(f"archive  {path}, {path.stat().st_size / 1e6:.2f} MB")
+
+
+@app.command("repeat", cls=Command, epilog=example("eqt suite repeat", "--tasks sat_ideal"))
+def repeat(
+    laws: Laws = None,
+    tasks: Tasks = None,
+    seed: Annotated[int | None, options.option("--seed", min=0)] = None,
+    folder: Annotated[Path | None, options.option("--folder")] = None,
+    workers: options.Workers = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Tune the archive's laws on other training samples: is a resolved verdict reversed.
+
+    All laws on all tasks take 10 CPU minutes. The exit code is 4 if a resolved verdict is reversed.
+
+    Options
+    -------
+    Experiment
+        --laws A,B  Only these laws, and GT.
+        --tasks A,B  Only these tasks.
+        --seed N  Seed of the first training sample. Default: 100 more than in the task.
+    Result
+        --folder DIR  Folder of the searches. Default: results/suite-again.
+    """
+    from eqt_cli.extensions.suite import suite
+
+    again = suite.repeat(
+        _names(laws), _names(tasks), seed, folder or suite.AGAIN, workers or options.cores()
+    )
+    output.print_findings(again.record(), *again.lines(), json=json)
+    if again.reversed:
+        raise typer.Exit(4)
 
 
 def _print(

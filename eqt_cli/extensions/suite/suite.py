@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from eqt_cli.base.errors import EqtError, EqtWarning, suggestion
 from eqt_cli.base.files import file_name
@@ -14,18 +14,23 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.cli import output
 from eqt_cli.components.laws import controllers
 from eqt_cli.extensions.suite import archive as archives
-from eqt_cli.extensions.suite import checking, proposals
+from eqt_cli.extensions.suite import checking, proposals, repeats
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.checking import Optimism, Recomputed
 from eqt_cli.extensions.suite.judging import Judged, fits, judged, tuned
 from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws, stated_gains
 from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, chosen_tasks, read_task
 
+T = TypeVar("T")
+
 FILE = "law.zip"
 """Name of the file with the numbers of a law, in the folder of its result."""
 
 FOLDER = Path("results") / "suite"
 """Folder of the results of the suite."""
+
+AGAIN = Path("results") / "suite-again"
+"""Folder of the searches on other training samples."""
 
 
 def judge_law(
@@ -46,8 +51,8 @@ def judge_law(
         raise EqtError(next(iter(reasons.values())))
     for name, reason in reasons.items():
         if reason and not law.only:
-            first = reason.strip().splitlines()[0]
-            reporter().remark(EqtWarning(f"{law.label} does not fit {name}: {first}"))
+            remark = f"{law.label} does not fit {name}: {_first_line(reason)}"
+            reporter().remark(EqtWarning(remark))
     outcomes = dict[str, Judged]()
     for name, task in fitting.items():
         output.say(f"{law.label} on {name}")
@@ -88,11 +93,7 @@ def write_archive(
     EqtError
         If a label or a task is unknown, or no law fits.
     """
-    tasks, laws = chosen_tasks(names), shipped_laws()
-    for label in labels:
-        if label not in laws:
-            raise EqtError(f"no law '{label}' in the archive; there are: {', '.join(laws)}")
-    chosen = [laws[label] for label in labels or laws]
+    tasks, chosen = chosen_tasks(names), chosen_laws(labels, shipped_laws()).values()
     fitting = {law.label: {n: t for n, t in tasks.items() if not fits(law, t)} for law in chosen}
     if not any(fitting.values()):
         raise EqtError(f"{', '.join(fitting)}: fits none of the tasks: {', '.join(tasks)}")
@@ -104,6 +105,21 @@ def write_archive(
     whole = joined(parts)
     archives.write(path, whole)
     return whole
+
+
+def chosen_laws(labels: Sequence[str], laws: Mapping[str, T]) -> dict[str, T]:
+    """Return some laws of the archive by label, in its order, or all.
+
+    Raises
+    ------
+    EqtError
+        If there is no such law.
+    """
+    for label in labels:
+        if label not in laws:
+            near = suggestion(label, laws) or f"; there are: {', '.join(laws)}"
+            raise EqtError(f"no law '{label}' in the archive{near}")
+    return {label: law for label, law in laws.items() if not labels or label in labels}
 
 
 def joined(parts: Sequence[Archive]) -> Archive:
@@ -187,9 +203,11 @@ def file_in(result: Path) -> Path:
     EqtError
         If the folder has none.
     """
+    if not result.exists():
+        raise EqtError(f"{result}: not found; give a pack, or a folder that eqt suite LAW wrote")
     path = result / FILE if result.is_dir() else result
     if not path.exists():
-        raise EqtError(f"{result}: has no judged law; eqt suite LAW writes one")
+        raise EqtError(f"{result}: has no {FILE}; give the folder that eqt suite LAW wrote")
     return path
 
 
@@ -198,12 +216,8 @@ def beside_archive(
 ) -> tuple[Archive, list[str]]:
     """Return judged laws beside those of the archive, all or some, and the labels of the former."""
     known = current(archives.shipped_archive(), tasks, "the archive")
-    for label in labels:
-        if label not in known.laws:
-            raise EqtError(f"no law '{label}' in the archive{suggestion(label, known.laws)}")
     if labels:
-        wanted = {x: law for x, law in known.laws.items() if x in (*labels, REFERENCE)}
-        known = replace(known, laws=wanted)
+        known = replace(known, laws=chosen_laws([REFERENCE, *labels], known.laws))
     new = list[str]()
     for result in results:
         part = current(archives.read(file_in(result)), tasks, str(result))
@@ -392,16 +406,50 @@ def _renew(
 def propose(
     path: Path, labels: Sequence[str], out: Path | None, workers: int
 ) -> proposals.Proposal:
-    """Tune the laws of the archive on a task, and judge the task."""
-    task, laws = read_task(path), shipped_laws()
-    for label in labels:
-        if label not in laws:
-            raise EqtError(f"no law '{label}' in the archive{suggestion(label, laws)}")
+    """Tune laws of the archive on a task, GT among them, and judge the task.
+
+    Raises
+    ------
+    EqtError
+        If fewer than two of the laws fit the task.
+    """
+    task = read_task(path)
+    laws = chosen_laws([REFERENCE, *labels] if labels else [], shipped_laws())
+    reasons = {label: fits(replace(law, only=()), task) for label, law in laws.items()}
+    fitting = [law for label, law in laws.items() if not reasons[label]]
+    if len(fitting) < 2:
+        why = [
+            f"{x} does not fit: {_first_line(reason)}" for x, reason in reasons.items() if reason
+        ]
+        there = "; ".join(why) or f"--laws names {', '.join(laws)} alone"
+        raise EqtError(f"{path}: a task is judged by two laws or more; {there}")
     folder = out or FOLDER / "proposed" / task.name
-    parts = [
-        judge_law(law, {task.name: task}, folder / law.label, workers)
-        for law in (laws[label] for label in labels or laws)
-        if not fits(replace(law, only=()), task)
-    ]
+    parts = [judge_law(law, {task.name: task}, folder / law.label, workers) for law in fitting]
     known = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
     return proposals.proposal(task.name, joined(parts), known)
+
+
+def _first_line(text: str) -> str:
+    return text.strip().splitlines()[0]
+
+
+def repeat(
+    labels: Sequence[str], names: Sequence[str], seed: int | None, folder: Path, workers: int
+) -> repeats.Repeated:
+    """Tune laws of the archive on other training samples, and compare with the archive.
+
+    Raises
+    ------
+    EqtError
+        If a law or task is unknown, or the archive has other laws or tasks than this eqt.
+    """
+    content, tasks = archives.shipped_archive(), chosen_tasks(names)
+    laws = chosen_laws([*labels, REFERENCE] if labels else [], shipped_laws())
+    stale = [f"task {name}" for name in tasks if name not in content.tasks]
+    stale += [f"task {name}" for name in checking.stale_tasks(content, tasks) if name in tasks]
+    archived = {label: law.digest for label, law in content.laws.items()}
+    stale += [label for label, law in laws.items() if archived.get(label) != law.digest]
+    if stale:
+        what = ", ".join(stale)
+        raise EqtError(f"{archives.ARCHIVE}: has another {what}; run eqt suite archive first")
+    return repeats.repeat(content, laws, tasks, seed, folder, workers)

@@ -231,7 +231,8 @@ def chosen_tasks(names: Sequence[str]) -> dict[str, Task]:
     tasks = all_tasks()
     for name in names:
         if name not in tasks:
-            raise EqtError(f"no task '{name}' in {VERSION}{suggestion(name, tasks)}")
+            near = suggestion(name, tasks) or f"; there are: {', '.join(tasks)}"
+            raise EqtError(f"no task '{name}' in {VERSION}{near}")
     return {name: tasks[name] for name in names or tasks}
 
 
@@ -245,3 +246,9 @@ def with_judge(task: Task, seed: int) -> Task:
     """Return the task with another seed of the held-out runs."""
     judge = task.section.judge.model_copy(update={"seed": seed})
     return replace(task, section=task.section.model_copy(update={"judge": judge}))
+
+
+def with_training(task: Task, seed: int) -> Task:
+    """Return the task with other training samples, the first of which has this seed."""
+    search = task.section.search.model_copy(update={"seed": seed})
+    return replace(task, section=task.section.model_copy(update={"search": search}))
