@@ -11,7 +11,6 @@ import json
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -158,15 +157,21 @@ def read(path: Path) -> Archive:
     """
     with refusals(path, "read", "give the archive or a pack of a suite"):
         content = content_of(path, _BYTES)
-    with (
-        suppress(
-            zipfile.BadZipFile, ValueError, KeyError, TypeError, AttributeError, RecursionError
-        ),
-        zipfile.ZipFile(io.BytesIO(content)) as packed,
-    ):
-        if sum(info.file_size for info in packed.infolist()) <= _BYTES:
-            return _archive(packed)
-    raise EqtError(f"{path}: is no file of a suite, or it is damaged; write it anew by eqt suite")
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
+            if _CONTENT not in packed.namelist():
+                why = f"it has no {_CONTENT}"
+            elif sum(info.file_size for info in packed.infolist()) > _BYTES:
+                why = f"it holds more than {_BYTES / 1e6:g} MB"
+            else:
+                return _archive(packed)
+    except zipfile.BadZipFile:
+        why = "it is no zip, or its end is missing"
+    except KeyError as error:
+        why = f"it lacks {error.args[0]}"
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        why = f"its numbers or {_CONTENT} have another form"
+    raise EqtError(f"{path}: is no file of a suite: {why}; write it anew by eqt suite pack")
 
 
 def _archive(packed: zipfile.ZipFile) -> Archive:
@@ -178,7 +183,7 @@ def _archive(packed: zipfile.ZipFile) -> Archive:
     for number, record in enumerate(data["laws"]):
         tasks = dict(_judged(packed, number, record["tasks"]))
         names = [_text(name) for name in record["sources"]]
-        sources = {name: packed.read(f"laws/{number}/{name}").decode() for name in names}
+        sources = {name: _part(packed, f"laws/{number}/{name}").decode() for name in names}
         label, title, kind, digest, eqt = (
             _text(record[name]) for name in ("label", "title", "kind", "digest", "eqt")
         )
@@ -187,12 +192,19 @@ def _archive(packed: zipfile.ZipFile) -> Archive:
     return Archive(digests, laws, _text(data["suite"]))
 
 
+def _part(packed: zipfile.ZipFile, name: str) -> bytes:
+    """Return a part of a file; a `KeyError` with its name if there is none."""
+    if name not in packed.namelist():
+        raise KeyError(name)
+    return packed.read(name)
+
+
 def _judged(
     packed: zipfile.ZipFile, number: int, records: Mapping[str, Any]
 ) -> Iterator[tuple[str, Judged]]:
     for task, record in records.items():
         values = tuple(map(_values, record["values"]))
-        errors = _errors_in(packed.read(_array_name(number, task)), len(values))
+        errors = _errors_in(_part(packed, _array_name(number, task)), len(values))
         numbers = [[_number(x) for x in record[name]] for name in ("spent", "trained")]
         spent, trained = map(np.array, numbers)
         if not 0 < errors.size <= _RUNS or not len(spent) == len(trained) == len(errors):

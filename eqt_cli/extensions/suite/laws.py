@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,9 @@ MOST_OWN = 4
 
 TUNES = "tunes"
 """Attribute of a class in Python, and word of a comment in C, with the ranges of own numbers."""
+
+_SET = ("kp", "kd", "J", "period")
+"""Fields of the numbers of code in C that get their values from a task."""
 
 _COMMENT = re.compile(r"/\*\s*tunes\s*:(.*?)\*/|//\s*tunes\s*:([^\n]*)", re.DOTALL)
 _FUNCTION = re.compile(r"\b(\w+)_torque\s*\(")
@@ -162,7 +165,7 @@ def _of_size(value: Any, size: int, name: str) -> Any:
 def _middle(written: Any) -> float:
     axis = range_of(_parsed(written), Problems())
     if axis is None:
-        raise InputError(f"expected {{log: [low, high]}} or [low, high], got {written}")
+        raise InputError(f"expected {{log: [low, high]}} or [low, high], low < high, got {written}")
     both = math.sqrt(axis.low * axis.high) if axis.scale == "log" else (axis.low + axis.high) / 2
     return float(f"{both:.6g}")
 
@@ -189,6 +192,23 @@ def shipped_laws() -> dict[str, Law]:
     return laws
 
 
+def law_of(text: str) -> Law:
+    """Return the law of the archive with this label, or the law in this file of the user.
+
+    Raises
+    ------
+    EqtError
+        If there is neither.
+    """
+    shipped = shipped_laws()
+    if text in shipped and not Path(text).exists():
+        return shipped[text]
+    if not Path(text).suffix and not Path(text).exists():
+        near = suggestion(text, shipped) or f"; the archive has {', '.join(shipped)}"
+        raise EqtError(f"{text}: is neither a file nor a law of the archive{near}")
+    return read_law(text)
+
+
 def read_law(text: str) -> Law:
     """Return the law in a file of the user, ``mylaw.py``, ``mylaw.c:function`` or ``net.yaml``.
 
@@ -202,8 +222,8 @@ def read_law(text: str) -> Law:
     is_network = path.suffix in (".onnx", ".h5")
     if is_network and path.exists():
         raise EqtError(
-            f"{text}: give the .yaml that says what it observes and commands: {{file: {path.name}, "
-            "observes: […], commands: {…}}"
+            f"{text}: does not say what it observes and commands; write {path.stem}.yaml, "
+            f"{{file: {path.name}, observes: […], commands: {{…}}}}, and name that"
         )
     source = text_of(path, "it has the law: .py, .c, .cpp, or .yaml of a network")
     if path.suffix == ".py":
@@ -251,35 +271,63 @@ def _in_python(path: Path, source: str, wanted: str) -> Law:
             + (f"name one: {path}:{names[0]}" if names else "derive a class from Controller")
         )
     kind = wanted or names[0]
-    tunes = dict(getattr(controllers.get(kind), TUNES, {}))
+    law = controllers.get(kind)
+    tunes = _ranges(getattr(law, TUNES, {}), path)
+    options = [option.name for option in fields(law) if option.init]
+    for name in tunes:
+        if name not in options:
+            raise EqtError(
+                f"{path}: {TUNES}.{name}: is no option of {kind}{suggestion(name, options)}"
+            )
     return Law(path.stem, {"kind": kind}, tunes, "Python", path.resolve(), source)
 
 
 def _in_c(path: Path, source: str, wanted: str) -> Law:
     prefixes = list(dict.fromkeys(_FUNCTION.findall(source)))
     wanted = wanted.removesuffix("_torque")
-    if (wanted and wanted not in prefixes) or not prefixes:
-        there = ", ".join(f"{prefix}_torque" for prefix in prefixes) or "none"
-        raise EqtError(f"{path}: has no function {wanted or 'X'}_torque; there are: {there}")
+    if not prefixes:
+        raise EqtError(f"{path}: has no law; expected a function whose name ends in _torque")
+    if wanted and wanted not in prefixes:
+        there = ", ".join(f"{prefix}_torque" for prefix in prefixes)
+        raise EqtError(f"{path}: has no function {wanted}_torque; there are: {there}")
+    if included := re.search(r'^\s*#\s*include\s*"([^"]+)"', source, re.MULTILINE):
+        raise EqtError(
+            f"{path}: a law is one file, since its hash and its pack have no other; put the text "
+            f"of {included[1]} in the place of its #include"
+        )
     prefix = wanted or prefixes[0]
     if len(prefixes) > 1 and not wanted:
         raise EqtError(f"{path}: has several laws; name one: {path}:{prefix}_torque")
-    fields, memory = (_fields(source, f"{prefix}_{part}") for part in ("numbers", "memory"))
+    sizes, memory = (_fields(source, f"{prefix}_{part}") for part in ("numbers", "memory"))
     comment = _COMMENT.search(source)
     tunes: Ranges = {}
     if comment:
         written = (comment[1] or comment[2] or "").strip()
-        tunes = yaml_source.parse_value(written, str(path))
-        if not isinstance(tunes, dict):
-            raise EqtError(f"{path}: {TUNES}: expected {{name: {{log: [low, high]}}}}")
+        tunes = _ranges(yaml_source.parse_value(written, f"{path}: {TUNES}"), path)
     for name in tunes:
-        if name not in fields:
-            raise EqtError(f"{path}: {TUNES} names {name}, which {prefix}_numbers has not")
+        if name not in sizes:
+            raise EqtError(
+                f"{path}: {TUNES}.{name}: is no field of {prefix}_numbers{suggestion(name, sizes)}"
+            )
+    lacking = [name for name in sizes if name not in (*_SET, *tunes)]
+    if lacking and not re.search(rf"\b{prefix}_defaults\s*=", source):
+        raise EqtError(
+            f"{path}: {prefix}_numbers.{lacking[0]}: has no value; give its range in a comment, "
+            f"/* {TUNES}: {{{lacking[0]}: {{log: [low, high]}}}} */, or its value in "
+            f"`const {prefix}_numbers {prefix}_defaults = {{…}}`. eqt sets {', '.join(_SET)}."
+        )
     entry: dict[str, Any] = {"kind": "code", "file": str(path.resolve())}
     entry["function"] = f"{prefix}_torque"
     if any(re.search(rf"->\s*{name}\b", source) for name in memory):  # else it is the unused one
         entry["memory"] = list(memory)
-    return Law(path.stem, entry, tunes, "C", path.resolve(), source, fields)
+    return Law(path.stem, entry, tunes, "C", path.resolve(), source, sizes)
+
+
+def _ranges(written: Any, path: Path) -> Ranges:
+    """Return the ranges of own numbers."""
+    if not isinstance(written, Mapping) or not all(isinstance(name, str) for name in written):
+        raise EqtError(f"{path}: {TUNES}: expected {{name: {{log: [low, high]}}}}, got {written}")
+    return dict(written)
 
 
 def _of_network(path: Path, source: str) -> Law:

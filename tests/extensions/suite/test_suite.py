@@ -1,15 +1,18 @@
 """The suite: its tasks, the laws that it takes, its files, and what it says of laws."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 
+from eqt_cli.analysis.intervals import Interval
 from eqt_cli.base.errors import ConfigError, EqtError
-from eqt_cli.extensions.suite import archive, checking, proposals, tables, verdicts
+from eqt_cli.extensions.suite import archive, checking, proposals, repeats, tables, verdicts
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.judging import Judged, tuned
 from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws
@@ -64,13 +67,55 @@ def test_a_law_in_c_gets_gains_inertia_and_its_numbers(tmp_path):
     assert set(law.over(task)) == {f"controllers[0].numbers.{n}" for n in ("kp", "kd", "layer")}
 
 
-def test_a_law_may_tune_four_numbers(tmp_path):
-    ranges = ", ".join(f"n{k}: [0, 1]" for k in range(5))
-    numbers = "kp, " + ", ".join(f"n{k}" for k in range(5))
-    text = C.replace("layer: {log: [0.01, 4]}", ranges).replace("kp, kd, layer", numbers)
-    (tmp_path / "law.c").write_text(text)
-    with pytest.raises(EqtError, match="at most 4"):
-        read_law(str(tmp_path / "law.c"))
+PYTHON = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Array, Controller, Tracking
+
+
+@dataclass(frozen=True)
+class Mine(Controller):
+    name: ClassVar[str] = "mine_of_the_suite"
+    tunes: ClassVar = {"layer": [0.1, 1]}
+
+    layer: float = 0.5
+
+    def torque(self, s: Tracking) -> Array:
+        r = s.relative
+        return r.cancelling_feedforward - r.body_damping - r.gradient
+"""
+
+
+RANGE = "layer: {log: [0.01, 4]}"
+FIVE = {RANGE: "a: [0, 1], b: [0, 1], c: [0, 1], d: [0, 1], e: [0, 1]", "layer,": "a, b, c, d, e,"}
+
+
+@pytest.mark.parametrize(
+    ("text", "changes", "place", "expected"),
+    [
+        (C, FIVE, "tunes", "at most 4"),
+        (C, {RANGE: "layer: 3"}, "tunes.layer", "log"),
+        (C, {RANGE: ""}, "my_numbers.layer", "my_defaults"),
+        (C, {"{layer": "{leyer"}, "tunes.leyer", "'layer'"),
+        (C, {"my_torque": "my_force"}, "law.c", "_torque"),
+        (C, {"/* tunes": '#include "more.h"\n/* tunes'}, "more.h", "one file"),
+        (PYTHON, {'{"layer": [0.1, 1]}': '["layer"]'}, "tunes", "log"),
+        (PYTHON, {"[0.1, 1]": "[1, 0.1]"}, "tunes.layer", "low < high"),
+        (PYTHON, {'{"layer"': '{"leyer"'}, "tunes.leyer", "'layer'"),
+        (PYTHON, {"(Controller)": ""}, "law.py", "derive a class"),
+    ],
+)
+def test_a_wrong_law_is_refused_with_place_and_remedy(text, changes, place, expected, tmp_path):
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    file = tmp_path / ("law.c" if "typedef" in text else "law.py")
+    file.write_text(text)
+    with pytest.raises(EqtError) as refused:
+        read_law(str(file))
+    assert place in str(refused.value)
+    assert expected in str(refused.value)
 
 
 def test_a_file_holds_what_was_written(tmp_path):
@@ -84,9 +129,28 @@ def test_a_file_holds_what_was_written(tmp_path):
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
 
 
-def test_a_file_that_is_none_is_refused(tmp_path):
-    (tmp_path / "a.zip").write_bytes(b"PK nothing")
-    with pytest.raises(EqtError, match="no file of a suite"):
+@pytest.mark.parametrize(
+    ("part", "expected"),
+    [
+        (None, "no zip"),
+        ("suite.json", "has no suite.json"),
+        ("errors/1/quad_att", "errors/1/quad_att"),
+        ("format", "lacks format"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(part, expected, tmp_path):
+    archive.write(tmp_path / "whole.zip", archived(gt=1.0, eqt=1.1))
+    if part is None:
+        (tmp_path / "a.zip").write_bytes((tmp_path / "whole.zip").read_bytes()[:500])
+    else:
+        with ZipFile(tmp_path / "whole.zip") as whole, ZipFile(tmp_path / "a.zip", "w") as other:
+            for name in whole.namelist():
+                if name != part:
+                    text = whole.read(name)
+                    other.writestr(
+                        name, text.replace(part.encode(), b"x") if "json" in name else text
+                    )
+    with pytest.raises(EqtError, match=expected):
         archive.read(tmp_path / "a.zip")
 
 
@@ -109,6 +173,24 @@ def test_a_part_of_the_archive_needs_a_law_that_fits_and_a_file_of_its_own(tmp_p
     before = archive.ARCHIVE.read_bytes()
     assert "name another file by --out" in invoke(*part, code=2).stderr
     assert archive.ARCHIVE.read_bytes() == before
+
+
+def test_a_second_run_reverses_verdicts_or_not():
+    """Errors of two runs are the first law's, times a factor of the law on each sample."""
+    first = {"quad_att": {"gt": judged(1.0), "a": judged(1.2), "b": judged(1.5)}}
+    again = {"quad_att": {"gt": judged(1.0), "a": judged(1.4), "b": judged(1.3)}}
+    titles = {"gt": "GT", "a": "A", "b": "B"}
+    same, other = (repeats.compared(first, run, titles) for run in (first, again))
+    assert (same.pairs, same.both, same.once, same.reversed) == (3, 3, 0, [])
+    assert [mean.share for mean in same.means] == [0, 0]
+    assert other.reversed == ["a against b on quad_att: better, then worse"]
+    mean = repeats.Mean("a", "A", 1, Interval(1.0, 0.9, 1 / 0.9), Interval(1.1, 1.0, 1.2))
+    assert mean.share == pytest.approx(math.log(1.1) / (math.sqrt(2) * -math.log(0.9)))
+
+
+def test_other_training_samples_are_no_held_out_runs(invoke):
+    for seed in (15, 995):
+        assert f"--seed {seed}" in invoke("suite", "repeat", "--seed", seed, code=2).stderr
 
 
 def test_the_archive_has_the_laws_that_are_computed_for_it():
@@ -167,23 +249,6 @@ def test_the_forest_has_a_row_for_each_law(small, invoke):
     assert all(name in Path("forest.svg").read_text() for name in ("GOOD", "BAD", "quad_att"))
 
 
-LAW = """\
-from dataclasses import dataclass
-from typing import ClassVar
-
-from eqt_cli.extend import Array, Controller, Tracking
-
-
-@dataclass(frozen=True)
-class Mine(Controller):
-    name: ClassVar[str] = "mine_of_the_suite"
-
-    def torque(self, s: Tracking) -> Array:
-        r = s.relative
-        return r.cancelling_feedforward - r.body_damping - r.gradient
-"""
-
-
 def test_a_file_may_change_only_numbers_of_its_laws():
     """A law without its sensor's noise would compute equal errors again."""
     archived, laws, tasks = archive.shipped_archive(), shipped_laws(), all_tasks()
@@ -200,9 +265,10 @@ def test_a_file_may_change_only_numbers_of_its_laws():
 
 @pytest.mark.ci("tunes two laws under two names, and judges one on fresh runs")
 def test_a_law_is_judged_packed_and_checked_under_any_name(small, invoke):
-    (small / "mine.py").write_text(LAW)
+    text = PYTHON.replace('    tunes: ClassVar = {"layer": [0.1, 1]}\n', "")
+    (small / "mine.py").write_text(text)
     (small / "moved").mkdir()
-    (small / "moved" / "other.py").write_text(LAW)
+    (small / "moved" / "other.py").write_text(text)
     for file in ("mine.py", "moved/other.py"):
         invoke("suite", file, "--workers", "1")
     one, other = (archive.read(small / f"results/suite/{x}/law.zip") for x in ("mine", "other"))
@@ -269,3 +335,36 @@ def test_the_page_has_the_ratios_of_the_archive():
         for law, ratio, *_ in block.rows[1:]:
             assert stated.pop(law) == ratio, (law, block.title)
         assert set(stated.values()) <= {"-"}
+
+
+@pytest.mark.ci("compiles a network")
+def test_a_network_is_judged_as_the_law_that_it_is(small, invoke):
+    """PD by its formula, −kp (E − Eᵀ)^∨ − kd (ω − Eᵀω_d), as the one layer of a network."""
+    onnx = pytest.importorskip("onnx")
+    archive.write(small / "archive.zip", Archive({}, {}))
+    layer = np.zeros((3, 12))
+    for row, (plus, minus) in enumerate([(7, 5), (2, 6), (3, 1)]):  # of E, row by row
+        layer[row, [plus, minus, 9 + row]] = [-0.8, 0.8, -0.3]
+    names = [onnx.helper.make_tensor_value_info(n, 1, [1, k]) for n, k in (("x", 12), ("u", 3))]
+    weights = onnx.numpy_helper.from_array(layer.T.astype(np.float32), "W")
+    product = onnx.helper.make_node("MatMul", ["x", "W"], ["u"])
+    graph = onnx.helper.make_graph([product], "pd", names[:1], names[1:], [weights])
+    onnx.save(onnx.helper.make_model(graph), "net.onnx")
+    observed = "[{signal: rotation_error}, {signal: rates_error}]"
+    Path("net.yaml").write_text(
+        f"{{file: net.onnx, observes: {observed}, commands: {{as: wrench, clip: 100}}}}"
+    )
+    Path("gains.yaml").write_text("quad_att: {kp: 0.8, kd: 0.3}")
+    assert "net.yaml" in invoke("suite", "net.onnx", code=2).stderr
+    invoke("suite", "net.yaml", "--workers", "1")
+    invoke("suite", "pd", "--gains", "gains.yaml", "--out", "pd", "--workers", "1")
+    one, other = (
+        next(iter(archive.read(Path(folder) / "law.zip").laws.values())).tasks["quad_att"]
+        for folder in ("results/suite/net", "pd")
+    )
+    assert one.errors == pytest.approx(other.errors, rel=1e-5)
+    Path("tasks/pose.yaml").write_text(
+        (TASKS / "robot.yaml").read_text().replace("eqt-suite-1/robot", "eqt-suite-1/pose")
+    )
+    refused = invoke("suite", "propose", "tasks/pose.yaml", "--laws", "quaternion", code=2)
+    assert "quaternion does not fit" in refused.stderr
