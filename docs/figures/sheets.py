@@ -101,7 +101,6 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "pose, SE2(3)": ("se23", "pose", {}),
     "torque": ("paper", "torque", {}),
     "torque, SE(3)": ("se3", "torque", {}),
-    "torque, signed": ("paper", "torque", {"signed": True}),
     "torque, feedforward": ("paper", "torque", {"share": "feedforward"}),
     "torque, thrust along one axis": ("lee", "torque", {}),
     "runs": ("paper", "runs", {}),

@@ -66,7 +66,10 @@ def draw_laws(
     ]
     if values is not None:
         signals = [signal]
-    drawn = {name: _values(runs, name, degrees, values) for name in signals}
+    drawn = dict[str, dict[str, Array]]()
+    for name in signals:
+        of = values or {e.label: runs.errors(name, e, degrees=degrees) for e in runs.shown}
+        drawn[name] = {law: np.quantile(x, (0.5, 0.25, 0.75), axis=0) for law, x in of.items()}
     is_torque = signal == "torque_norm"
     share, first = 1.0 if is_torque else _CLOSING, drawn[signals[0]]
     order = sorted(first, key=lambda label: _late_mean(first[label][0], share))
@@ -92,14 +95,10 @@ def draw_laws(
         label = signal if values is not None else runs.error_label(name, degrees=degrees)
         panels[left[(len(left) - 1) // 2]].set_ylabel(label)
     differ = any(not np.array_equal(*of[1:]) for of in drawn[signals[0]].values())
-    law, others = ("the law: median, quartiles", "the others: medians")
-    if not differ:
-        law, others = "the law", "the others"
-    handles = {
-        law: Line2D([], [], color=runs.shown[0].look.colour),
-        others: Line2D([], [], color=ink(_GREY)),
-    }
-    layout.add_legend(drawing, list(handles.values()), list(handles))
+    names = ["the law: median, quartiles", "the others: medians"]
+    colours = runs.shown[0].look.colour, ink(_GREY)
+    handles = [Line2D([], [], color=colour) for colour in colours]
+    layout.add_legend(drawing, handles, names if differ else ["the law", "the others"])
     by = "mean" if is_torque else "closing error"
     if values is None:
         by = f"{by}, {runs.count()}"
@@ -130,14 +129,6 @@ def mark_settled(runs: ShownRuns, signal: str, panels: Sequence[Axes], degrees: 
             if _SETTLED not in runs.note:
                 runs.remarks.append(f"{_SETTLED[0].upper()}{_SETTLED[1:]}.")
                 runs.note = ", ".join(filter(None, [runs.note, _SETTLED]))
-
-
-def _values(
-    runs: ShownRuns, signal: str, degrees: bool, values: Mapping[str, Array] | None
-) -> dict[str, Array]:
-    """Return median and quartiles over runs of of_law law, ``(3, samples)``, by label."""
-    of = values or {e.label: runs.errors(signal, e, degrees=degrees) for e in runs.shown}
-    return {label: np.quantile(of_law, (0.5, 0.25, 0.75), axis=0) for label, of_law in of.items()}
 
 
 def _late_mean(middle: Array, share: float) -> float:

@@ -42,7 +42,6 @@ from eqt_cli.figures.layout import (
     BANDS,
     add_legend,
     add_title,
-    band_look,
     bound,
     cut_off,
     draw_middle,
@@ -292,8 +291,6 @@ _MOST_RUNS = 1000
 """Largest number of runs of a law, from the first, whose torques are drawn."""
 _ACROSS = 3
 """Most axes of a part side by side on a page."""
-_ERRORS = 2.0
-"""Standard errors of a mean from the curve to the edges of its band."""
 
 
 @dataclass(frozen=True)
@@ -309,14 +306,11 @@ class Torque(Panelled, OverTime):
     share
         ``total``; ``feedforward``, the part without gains, of laws where it is known in an ideal
         loop; or ``feedback``, the rest.
-    signed
-        The mean within 2 standard errors, which is near 0 where starts are symmetric.
     """
 
     name: ClassVar[str] = "torque"
 
     share: Literal["total", "feedback", "feedforward"] = "total"
-    signed: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis."""
@@ -328,11 +322,8 @@ class Torque(Panelled, OverTime):
         wanted = runs.pushed(wanted, values.values()) if not self.panels else wanted
         units = {name: unit for name, unit in runs.axes if name in wanted}
         several = max(map(len, values.values())) > 1
-        signed = self.signed or not several
-        middle = "mean" if signed else "root mean square"
         share = "" if self.share == "total" else f"{self.share} "
-        band = f" ± {_ERRORS:g} standard errors" if signed else ""
-        over = f"{middle}{band} of the {share or 'torque '}over " if several else ""
+        over = f"root mean square of the {share or 'torque '}over " if several else ""
         runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}.")
         counted = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
         runs.note = ", ".join(filter(None, [counted, runs.note]))
@@ -341,23 +332,25 @@ class Torque(Panelled, OverTime):
             if name in wanted:
                 for ensemble in runs.shown:
                     component = values[ensemble.label][..., k]
-                    _draw_axis(panels[name], runs.times(ensemble), component, ensemble, signed)
+                    shown = np.sqrt(np.mean(component**2, axis=0)) if several else component[0]
+                    look = line_style(ensemble.look)
+                    panels[name].plot(runs.times(ensemble), shown, label=ensemble.label, **look)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
         sizes = [*map(_by_label, panels.values())]
         if self.share != "feedback":
-            handles |= _draw_desired(runs, panels, signed=signed)
+            handles |= _draw_desired(runs, panels, signed=not several)
         far = leaving(runs, sizes)
         for axes in panels.values():
             cut_off(axes, far)
             open_frame(axes)
-            if not signed:
+            if several:
                 axes.set_ylim(bottom=0)
         for name, unit in units.items():
             label = quantity(force_component(name, unit), unit)
-            layout.name_scale(panels[name], f"{'' if signed else 'rms '}{share}{label}")
+            layout.name_scale(panels[name], f"{'rms ' if several else ''}{share}{label}")
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        what = f"{middle[0].upper()}{middle[1:]}{band} over runs of the" if several else "The"
+        what = "Root mean square over runs of the" if several else "The"
         drawing.set_label(f"{what} {share}torque, a panel per axis of the body.")
         return drawing
 
@@ -367,17 +360,6 @@ class Torque(Panelled, OverTime):
             return runs.feedforward(ensemble, _MOST_RUNS)
         torque = runs.values("torque", ensemble, _MOST_RUNS)
         return torque if self.share == "total" else torque - runs.feedforward(ensemble, _MOST_RUNS)
-
-
-def _draw_axis(axes: Axes, times: Array, values: Array, of: Ensemble, signed: bool) -> None:
-    """Draw the root mean square of values ``(runs, samples)``, or the mean in its band."""
-    look = line_style(of.look)
-    middle = values.mean(axis=0) if signed else np.sqrt(np.mean(values**2, axis=0))
-    axes.plot(times, middle, label=of.label, **look)
-    if signed and len(values) > 1:
-        reach = _ERRORS * values.std(axis=0, ddof=1) / np.sqrt(len(values))
-        band = band_look(look["color"])
-        axes.fill_between(times, middle - reach, middle + reach, label=of.label, **band)
 
 
 def _draw_desired(

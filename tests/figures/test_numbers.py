@@ -41,10 +41,10 @@ def test_edges_of_bands_are_quartiles(so3, opened, picture):
     low, high = np.quantile(results["torque_norm"][1], [0.25, 0.75], axis=0)
     np.testing.assert_array_equal(found["torque_norm", "lower edge gt"].y, low)
     np.testing.assert_array_equal(found["torque_norm", "upper edge gt"].y, high)
-    found = {(c.panel, c.name): c for c in curves(picture(Torque(signed=True), results))}
+    found = {(c.panel, c.name): c for c in curves(picture(Torque(), results))}
     desired = found["ωz", "desired"]
-    np.testing.assert_array_equal(desired.y, results["desired_torque"][:, 2])
-    assert desired.up == "τ_z (N m)"
+    np.testing.assert_array_equal(desired.y, np.abs(results["desired_torque"][:, 2]))
+    assert desired.up == "rms τ_z (N m)"
 
 
 def test_maps_and_points_are_cells_and_points_and_colour_scales_nothing():
