@@ -270,7 +270,10 @@ class Cells:
 
     def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
         """Hatch the cells of some points."""
-        self._outline(panel, points, hatch=pattern, edgecolor=ink(0.35), linewidth=0)
+        look: dict[str, Any] = {"hatch": pattern, "edgecolor": ink(0.35), "linewidth": 0}
+        for point in points:
+            corner = self.columns[point] - 0.5, self.rows[point] - 0.5
+            panel.add_patch(Rectangle(corner, 1, 1, fill=False, **look))
 
     def write(
         self,
@@ -308,17 +311,6 @@ class Cells:
                 box = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
                 panel.annotate(texts[point], place, color=colour, bbox=box, **_WRITTEN)
         return True
-
-    def mark(self, panel: Axes, points: Sequence[int]) -> None:
-        """Draw a frame, visible on every colour, around the cells of some points."""
-        for colour, width in ((ink(0), 2.2), (ink(), 1.0)):
-            self._outline(panel, points, 0.06, edgecolor=colour, linewidth=width, zorder=3)
-
-    def _outline(self, panel: Axes, points: Iterable[int], inset: float = 0, **look: Any) -> None:
-        side = 1 - 2 * inset
-        for point in points:
-            corner = self.columns[point] - side / 2, self.rows[point] - side / 2
-            panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
 
     def scales(
         self,

@@ -36,7 +36,7 @@ from eqt_cli.figures.shown import (
     error_of,
     names,
 )
-from eqt_cli.figures.style import HOUSE, Style, Width, house_style, replaced
+from eqt_cli.figures.style import HOUSE, Style, Width, give_letters, house_style, replaced
 from eqt_cli.results.result import Result, check_stored
 
 # Trajectories of the runs of one or several results -----------------------------------------------
@@ -519,6 +519,8 @@ class Figure(Component, Generic[S]):
                 f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
             )
         with house_style(replace(style or HOUSE, width=width)), replaced(layout, "own_axes", axes):
+            for result in (x for x in results if isinstance(x, Result)):
+                give_letters([*result.titles, *result.custom_names.values()])
             shown = self.subject(cast(Sequence[Result], results), measured)
             with blamed():
                 drawing = self.compose(shown, width)

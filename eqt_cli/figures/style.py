@@ -6,7 +6,7 @@ import re
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ import matplotlib
 import numpy as np
 from matplotlib import RcParams, style
 from matplotlib.colors import to_hex, to_rgba
-from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.style import use
 
 from eqt_cli.base.errors import EqtError, suggestion
@@ -382,6 +382,29 @@ def _installed(settings: Settings) -> list[str]:
             "one, or name another in font.family"
         )
     return installed
+
+
+def give_letters(texts: Iterable[str]) -> None:
+    """Add fonts to those of the style in force for the letters of texts that these lack.
+
+    Raises
+    ------
+    EqtError
+        If no installed font has a letter.
+    """
+    fonts = {x.name: x.fname for x in fontManager.ttflist if not x.name.startswith("Last Resort")}
+    letters = {x: text for text in texts for x in text if ord(x) > 127 and x.isprintable()}
+    for letter, text in letters.items():
+        for name in (*_PRESENT["font.family"], *sorted(fonts)):
+            if name in fonts and get_font(fonts[name]).get_char_index(ord(letter)):
+                break
+        else:
+            raise EqtError(
+                f"no installed font has the letter {letter} (U+{ord(letter):04X}) of “{text}”; "
+                "install one, or write it in other letters: --title NAME=TEXT"
+            )
+        if name not in _PRESENT["font.family"]:
+            _PRESENT["font.family"] = [*_PRESENT["font.family"], name]
 
 
 HOUSE = Style()

@@ -23,7 +23,6 @@ from eqt_cli.figures.cells import (
     scale,
     scale_along,
     scale_log,
-    short,
     spans_decade,
 )
 from eqt_cli.figures.figure import OfDifferences, OfOneMetric, OfSweep
@@ -68,10 +67,9 @@ class SweepFigure(OfOneMetric):
 
     Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
 
-    Frames mark the smallest mean of each map, or the largest where that is better, and those equal
-    to it as written; no test says that it is better than its neighbours. Cells with failed runs,
-    which have no mean, are hatched in two directions; hatched in one are cells with censored runs,
-    whose number lies beyond the horizon. The means are written in the cells where they fit.
+    Cells with failed runs, which have no mean, are hatched in two directions; hatched in one are
+    cells with censored runs, whose number lies beyond the horizon. The means are written in the
+    cells where they fit.
 
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
@@ -127,14 +125,12 @@ class SweepFigure(OfOneMetric):
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)
             cells.write(panel, shown, image, room)
-            cells.mark(panel, _best(means[:, index], better))
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
             return image
 
         drawing = _draw_maps(swept, cells, columns, (width, height), label, draw)
-        least = {"lower": "smallest mean", "higher": "largest mean"}.get(better, "")
-        _explain(drawing, least, bool(failed.any()), bool(beyond.any()))
+        _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
 
     def _colours(self, means: Array) -> Normalize:
@@ -207,24 +203,14 @@ def _draw_maps(
     return drawing
 
 
-def _best(means: Array, better: str) -> list[int]:
-    """Return the points with the best mean, as it is written in a cell; none if none is better."""
-    if better == "neither" or not np.isfinite(means).any():
-        return []
-    best = np.nanmax(means) if better == "higher" else np.nanmin(means)
-    return [k for k, mean in enumerate(means) if np.isfinite(mean) and short(mean) == short(best)]
-
-
-def _explain(drawing: Drawing, least: str, failed: bool, beyond: bool) -> None:
-    """Add a legend of frames and hatches."""
-    looks: dict[str, dict[str, Any]] = {least: {"linewidth": 1.0}} if least else {}
-    if failed:
-        looks["failed runs, no mean"] = {"hatch": FAILED, "linewidth": 0}
+def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
+    """Add a legend of hatches."""
+    hatches = {"failed runs, no mean": FAILED} if failed else {}
     if beyond:
-        looks["censored runs, counted with the horizon"] = {"hatch": BEYOND, "linewidth": 0}
-    if looks:
-        patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for look in looks.values()]
-        add_legend(drawing, patches, list(looks))
+        hatches["censored runs, counted with the horizon"] = BEYOND
+    if hatches:
+        look: dict[str, Any] = {"fill": False, "edgecolor": ink(0.6), "linewidth": 0}
+        add_legend(drawing, [Patch(hatch=x, **look) for x in hatches.values()], list(hatches))
 
 
 def _name(panel: Axes, x: float, y: float, law: str) -> None:
@@ -311,13 +297,15 @@ class Winners(OfDifferences):
 
 
 def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
-    """Write each lead, and the law if its name fits in a line of `characters`."""
-    for cell in wins.cells:
-        if np.isfinite(cell.lead.value) and cell.winner != NOBODY:
-            place = cells.columns[cell.point], cells.rows[cell.point]
-            lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.best]
-            text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
-            panel.annotate(text, place, ha="center", va="center", fontsize="small")
+    """Write each lead, and the laws if all names fit in a line of `characters`."""
+    won = [x for x in wins.cells if np.isfinite(x.lead.value) and x.winner != NOBODY]
+    leads = [f"{100 * abs(cell.lead.value):.2g}" for cell in won]
+    named = [f"{wins.titles[x.best]} {lead}" for x, lead in zip(won, leads, strict=True)]
+    if max(map(len, named), default=0) > characters:
+        named = leads
+    for cell, text in zip(won, named, strict=True):
+        place = cells.columns[cell.point], cells.rows[cell.point]
+        panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 
 def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:

@@ -4,12 +4,16 @@ import matplotlib
 import matplotlib.style
 import pytest
 from ci_cases import mostly_ci
+from matplotlib.font_manager import fontManager
 from said import error_of, says
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.layout import freeze, one_panel
 from eqt_cli.figures.render import encode
 from eqt_cli.figures.style import WIDTHS, CurvePlace, Style, distinct, house_style, ink, line_style
+from eqt_cli.figures.time_figures import Summary
+from eqt_cli.results.result import rename
 
 unarranged = pytest.mark.usefixtures("unarranged")
 
@@ -207,3 +211,16 @@ def test_numbers_are_plain_and_a_common_power_of_ten_is_typeset(largest, number,
         assert number in [tick.get_text() for tick in axes.yaxis.get_majorticklabels()]
         drawing.draw_without_rendering()
         assert axes.yaxis.get_offset_text().get_text() == power
+
+
+@unarranged
+def test_letters_that_the_fonts_lack_take_an_installed_one_or_are_refused(so3, monkeypatch):
+    """Hebrew, which DejaVu Sans has and neither STIX nor DejaVu Serif."""
+    with open_at(so3) as result:
+        rename(result, {"eqt": "שלום"})
+        drawing = Summary().draw([result])
+        assert "DejaVu Sans" in drawing.legends[0].get_texts()[0].get_fontfamily()
+        few = [x for x in fontManager.ttflist if x.name in ("STIXGeneral", "DejaVu Serif")]
+        monkeypatch.setattr(fontManager, "ttflist", few)
+        message = error_of(Summary().draw, [result])
+    assert says(message, "no installed font has the letter ש (U+05E9) of “שלום”…")

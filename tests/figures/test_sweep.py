@@ -141,17 +141,6 @@ def test_pareto_is_of_design_choices(swept):
     )
 
 
-def test_equal_best_cells_are_all_framed(swept, altered):
-    def equal(errors):
-        errors[:] = 1.0
-        errors[3] = 2.0  # one point is worse
-        return errors
-
-    result = altered_sweep(swept, altered, BOTH, mean_attitude_error=equal)
-    drawing = SweepFigure(controllers=["eqt"]).draw([result])
-    assert len(drawing.axes[0].patches) == 2 * 3  # each frame is seen on every colour
-
-
 @pytest.mark.parametrize(
     ("texts", "words"),
     [
@@ -259,21 +248,7 @@ def test_a_logarithmic_colour_scale_has_plain_numbers(swept):
     assert sum(low <= number <= high for number in numbers) >= 2
 
 
-def test_the_best_cell_of_a_map_has_a_frame(swept, picture):
-    results = swept(BOTH)
-    panel = picture(SweepFigure(), results).axes[0]
-    means = results["mean_pose_error"][:, 0].mean(axis=-1)
-    rows, columns = {0.5: 0, 1: 1}, {1: 0, 2: 1}
-    kd, kp = (results.coordinate(f"gains.{key}")[means.argmin()] for key in ("kd", "kp"))
-    keys = [axis.key for axis in results.swept_keys]
-    place = {"gains.kd": rows[kd], "gains.kp": columns[kp]}
-    frame = panel.patches[-1].get_bbox()
-    assert [(frame.x0 + frame.x1) / 2, (frame.y0 + frame.y1) / 2] == pytest.approx(
-        [place[key] for key in keys]
-    )
-
-
-def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered):
+def test_cells_with_failed_runs_are_hatched(swept, altered):
     results = swept(BOTH)
     best = int(results["mean_pose_error"][:, 0].mean(axis=-1).argmin())
     status = np.zeros_like(results["status"])
@@ -282,8 +257,6 @@ def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered)
     panel = SweepFigure().draw([changed]).axes[0]
     hatched = [patch for patch in panel.patches if patch.get_hatch()]
     assert [patch.get_hatch() for patch in hatched] == ["xxxx"]
-    cell, frame = (patch.get_bbox() for patch in (hatched[0], panel.patches[-1]))
-    assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
 
 
 def test_winners_are_those_of_the_comparison(swept, altered, picture):

@@ -10,7 +10,7 @@ from eqt_cli.analysis.intervals import Resampling, Word
 from eqt_cli.base.reporting import count_of
 from eqt_cli.extensions.sweeps.pooled import interval, is_drawn, logs_of, word_of
 from eqt_cli.figures.figure import OfDifferences
-from eqt_cli.figures.labels import free_text
+from eqt_cli.figures.labels import free_text, notation
 from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink
 from eqt_cli.results.quantity import Plain
@@ -30,7 +30,7 @@ class PooledForest(OfDifferences):
     """A row for each point of a sweep, and one for all: the ratio of two laws.
 
     The geometric mean of the paired ratios of the second law to the first one, with its interval;
-    hollow where that is undecided. The line and the band are those of all points together, as
+    hollow where its interval holds 1. The line and the band are those of all points together, as
     `eqt compare --pooled` prints them.
     """
 
@@ -89,13 +89,13 @@ class PooledForest(OfDifferences):
         panel.set_xticks(shown, [f"{x:g}" for x in shown])
         panel.minorticks_off()
         one, other = swept.titles
-        panel.set_xlabel(free_text(f"{Plain().name(quantity)}, {other} / {one}", 60))
+        panel.set_xlabel(free_text(f"{notation(Plain().name(quantity))}, {other} / {one}", 60))
         side = {"lower": "Left", "higher": "Right"}.get(quantity.better)
         better = f" {side} of 1: {other} is better." if side else ""
         over = "runs and points" if is_drawn(result) else "runs, each with all its points"
         swept.remarks.append(
             f"Geometric mean of paired ratios.{better} Intervals of {100 * self.confidence:g} %; "
-            f"the last one is over {over}; hollow: undecided."
+            f"the last one is over {over}; hollow: the interval holds 1."
         )
-        swept.note = f"bars: {100 * self.confidence:g} % intervals; hollow: undecided"
+        swept.note = f"bars: {100 * self.confidence:g} % intervals; hollow: the interval holds 1"
         return drawing
