@@ -439,12 +439,12 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def refused(eqt: Callable[..., Done]) -> Callable[..., str]:
-    """The error that a command ends with, as it prints nothing else; exit code 2."""
+    """The error that a command ends with, which prints nothing else but warnings; exit code 2."""
 
     def said(*arguments: object) -> str:
         done = eqt(*arguments)
         assert (done.code, done.out) == (2, "")
-        start = re.match(r"eqt: error: |(?=(more than )?\d+ errors?\b)", done.err)
+        start = re.search(r"(?m)^(eqt: error: |(?=(more than )?\d+ errors?\b))", done.err)
         assert start, done.err
         return done.err[start.end() :]
 

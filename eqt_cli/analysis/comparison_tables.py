@@ -169,12 +169,13 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
             f"{enough} or more (`--set ensemble.runs={enough}`), or fewer metrics (`--metric`)."
         )
     first, starts = comparison.titles[against or comparison.labels[0]], " from the same starts"
+    paired = ", run by run"
     if comparison.bases:
-        first, starts = "the first result", " per law"
+        first, starts, paired = "the first result", " per law", ""
     better, worse, alike, undecided = MARKS.values()
     yield (
         f"{first}: means of {count_of(comparison.runs, 'run')}{starts}. Others: median differences "
-        f"from {first}, run by run [{100 * confidence:g} % interval]. {better}/{worse}: "
+        f"from {first}{paired} [{100 * confidence:g} % interval]. {better}/{worse}: "
         f"better/worse in most runs (sign test, corrected for {count_of(tests, 'comparison')}). "
         f"{alike}: no difference, within ±{100 * comparison.negligible:g} %. "
         f"{undecided}: undecided."

@@ -149,7 +149,7 @@ def test_plugins_of_a_result_are_executed_on_request_and_quiet_prints_only_what_
     done = eqt("verify", "results/c", "--trust-plugins", "--quiet")
     assert (done.code, done.out) == (4, "")
     assert done.err.splitlines() == [
-        "results/c: Theorems 3.2, 6.2: rate of L (Away) fails",
+        "eqt: error: results/c: Theorems 3.2, 6.2: rate of L (Away) fails",
         "eqt: error: results/c: Theorems 3.2, 6.2: energy balance (Away) fails",
         "eqt: error: results/c: measured on the runs: tracks (Away) fails",
     ]
