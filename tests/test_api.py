@@ -488,7 +488,7 @@ def examples(tmp_path_factory):
 
 
 DEMANDING = (
-    "animate diff error_budget export fit live plot replay report run sweep tune verify worst"
+    "animate diff error_budget export fit live plot replay report run suite sweep tune verify worst"
 ).split()
 PUBLIC = [name for name in eqt_cli.api.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
 

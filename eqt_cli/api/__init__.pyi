@@ -28,3 +28,4 @@ from eqt_cli.extensions.proofs import *
 from eqt_cli.extensions.recordings import *
 from eqt_cli.extensions.report import *
 from eqt_cli.extensions.search import *
+from eqt_cli.extensions.suite import *

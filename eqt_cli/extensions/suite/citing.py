@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from eqt_cli.base.version import __version__
+from eqt_cli.extensions.suite.actions import FILE
 from eqt_cli.extensions.suite.archive import read
-from eqt_cli.extensions.suite.suite import FILE
 from eqt_cli.extensions.suite.tasks import all_tasks, digest_of
 
 

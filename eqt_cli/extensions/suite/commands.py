@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -51,9 +52,9 @@ def main(ctx: typer.Context, json: options.Json = False) -> None:
     """Judge tracking laws on standard tasks, at equal effort, beside the laws of an archive."""
     if ctx.invoked_subcommand is not None:
         return
+    from eqt_cli.extensions.suite.actions import current
     from eqt_cli.extensions.suite.archive import shipped_archive
     from eqt_cli.extensions.suite.overview import overview_record, overview_table
-    from eqt_cli.extensions.suite.suite import current
     from eqt_cli.extensions.suite.tasks import all_tasks
 
     tasks = all_tasks()
@@ -91,22 +92,14 @@ def run(
             judged as they are.
         --tasks A,B  Only these tasks; then there is no mean over tasks.
     """
-    from eqt_cli.extensions.suite import suite
-    from eqt_cli.extensions.suite.laws import law_of
-    from eqt_cli.extensions.suite.tasks import chosen_tasks
+    from eqt_cli.extensions.suite.api import suite
 
-    chosen = law_of(law)
-    wanted = chosen_tasks(_names(tasks))
-    folder, cores = out or suite.FOLDER / chosen.label, workers or options.cores()
-    if gains is not None:
-        part = suite.judge_stated(chosen, gains, wanted, folder, cores)
-    else:
-        part = suite.judge_law(chosen, wanted, folder, cores, force=force)
-    beside, label = suite.with_archive(part, chosen_tasks([]), folder.parent, cores)
-    _print(beside, chosen_tasks([]), TableFormat.TEXT, json=json, laws=[label])
+    cores = workers or options.cores()
+    table = suite(law, _names(tasks), gains=gains, out=out, force=force, workers=cores)
+    _print(table.archive, table.tasks, TableFormat.TEXT, json=json, laws=[table.law])
     if json:
         return
-    output.print_text(f"results  {folder}", f"next     eqt suite pack {folder}")
+    output.print_text(f"results  {table.folder}", f"next     eqt suite pack {table.folder}")
 
 
 @app.command("show", cls=Command, epilog=example("eqt suite show", "results/suite/mylaw"))
@@ -130,11 +123,11 @@ def show(
     Output
         --format NAME  text, latex, csv, html or json.
     """
-    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite import actions
     from eqt_cli.extensions.suite.tasks import chosen_tasks
 
     tasks = chosen_tasks([])
-    archive, labels = suite.beside_archive(results or [], tasks, _names(laws))
+    archive, labels = actions.beside_archive(results or [], tasks, _names(laws))
     if figure is not None:
         from eqt_cli.extensions.suite.figures import forest
         from eqt_cli.extensions.suite.verdicts import verdicts
@@ -158,9 +151,9 @@ def pack(
     Result
         --out FILE  File to write. Default: the law's name and .eqtsuite.zip.
     """
-    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite import actions
 
-    path = suite.pack(result, out)
+    path = actions.pack(result, out)
     size = path.stat().st_size
     answer = {"file": str(path), "bytes": size}
     lines = [f"{path}, {size / 1e3:.0f} kB", f"next     eqt suite check {path}"]
@@ -197,9 +190,9 @@ def check(
         --share X  Share of the runs that are computed again. The hash of the numbers draws them.
         --no-fresh  Compute no fresh runs.
     """
-    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite import actions
 
-    outcome = suite.check(
+    outcome = actions.check(
         file,
         law,
         _names(laws),
@@ -232,9 +225,9 @@ def propose(
     Experiment
         --laws A,B  Only these laws of the archive.
     """
-    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite import actions
 
-    proposed = suite.propose(task, _names(laws), out, workers or options.cores())
+    proposed = actions.propose(task, _names(laws), out, workers or options.cores())
     output.print_findings(proposed.record(), *proposed.lines(), json=json)
     if proposed.faults:
         raise typer.Exit(4)
@@ -263,14 +256,16 @@ def archive(
         --out FILE  File of the archive. Needed for a part. Default: that of the installed eqt.
         --folder DIR  Folder of the searches. Default: results/suite.
     """
+    from eqt_cli.extensions.suite import actions
     from eqt_cli.extensions.suite import archive as archives
-    from eqt_cli.extensions.suite import suite
     from eqt_cli.extensions.suite.tasks import chosen_tasks
 
     if out is None and (laws or tasks):
         raise EqtError("a part would replace the whole archive; name another file by --out")
     path, cores = out or archives.ARCHIVE, workers or options.cores()
-    whole = suite.write_archive(_names(laws), _names(tasks), path, folder or suite.FOLDER, cores)
+    whole = actions.write_archive(
+        _names(laws), _names(tasks), path, folder or actions.FOLDER, cores
+    )
     _print(whole, chosen_tasks(_names(tasks)), TableFormat.TEXT, json=json)
     if json:
         return
@@ -300,10 +295,10 @@ def repeat(
     Result
         --folder DIR  Folder of the searches. Default: results/suite-again.
     """
-    from eqt_cli.extensions.suite import suite
+    from eqt_cli.extensions.suite import actions
 
-    again = suite.repeat(
-        _names(laws), _names(tasks), seed, folder or suite.AGAIN, workers or options.cores()
+    again = actions.repeat(
+        _names(laws), _names(tasks), seed, folder or actions.AGAIN, workers or options.cores()
     )
     output.print_findings(again.record(), *again.lines(), json=json)
     if again.reversed:
@@ -312,7 +307,7 @@ def repeat(
 
 def _print(
     archive: Archive,
-    tasks: dict[str, Task],
+    tasks: Mapping[str, Task],
     format: TableFormat,
     *,
     json: bool,
@@ -334,7 +329,9 @@ def _print(
     if format is TableFormat.CSV:
         return output.print_verbatim(as_csv([judgement.record() for judgement in of_tasks]))
     if format is TableFormat.LATEX:
-        lines = [f"% {tables.heading(tasks)}", *map(as_latex, shown)]
+        # Each task has a table of its own: all of them are longer than a page.
+        parts = [replace(table, blocks=[block]) for table in shown for block in table.blocks]
+        lines = [f"% {tables.heading(tasks)}; needs booktabs", *map(as_latex, parts)]
         return output.print_verbatim("\n\n".join(lines))
     said = [
         line for law in laws for line in tables.answer(law, of_tasks, rows, archive.laws[law].title)

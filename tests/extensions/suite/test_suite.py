@@ -10,6 +10,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
+import eqt_cli
 from eqt_cli.analysis.intervals import Interval
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.extensions.suite import archive, checking, proposals, repeats, tables, verdicts
@@ -233,7 +234,8 @@ def test_judged_laws_are_shown_in_every_format(small, invoke):
     assert (row["laws"], row["equal"]) == ("attitude", {"effort": 0.75})
     told = invoke("suite", "show").stdout
     assert re.search(r"GOOD +0\.5\d* \[.*better\n", told)
-    assert r"\toprule" in invoke("suite", "show", "--format", "latex").stdout
+    latex = invoke("suite", "show", "--format", "latex").stdout
+    assert latex.count(r"\toprule") == latex.count(r"\multicolumn") == 2  # overall, and the task
     assert "good,quad_att,better,0.5" in invoke("suite", "show", "--format", "csv").stdout
     assert '<td class="better">better</td>' in invoke("suite", "show", "--format", "html").stdout
     assert json.loads(invoke("suite", "show", "--json").stdout)["overall"][1]["tasks"] == "all"
@@ -357,10 +359,11 @@ def test_a_network_is_judged_as_the_law_that_it_is(small, invoke):
     Path("gains.yaml").write_text("quad_att: {kp: 0.8, kd: 0.3}")
     assert "net.yaml" in invoke("suite", "net.onnx", code=2).stderr
     invoke("suite", "net.yaml", "--workers", "1")
-    invoke("suite", "pd", "--gains", "gains.yaml", "--out", "pd", "--workers", "1")
+    pd = eqt_cli.suite("pd", gains="gains.yaml")
+    assert pd.answer()[0].startswith("PD against GT: ")
     one, other = (
-        next(iter(archive.read(Path(folder) / "law.zip").laws.values())).tasks["quad_att"]
-        for folder in ("results/suite/net", "pd")
+        next(iter(archive.read(folder / "law.zip").laws.values())).tasks["quad_att"]
+        for folder in (Path("results/suite/net"), pd.folder)
     )
     assert one.errors == pytest.approx(other.errors, rel=1e-5)
     Path("tasks/pose.yaml").write_text(
