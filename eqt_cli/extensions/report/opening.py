@@ -22,6 +22,7 @@ from eqt_cli.analysis.intervals import FEWEST, Word
 from eqt_cli.analysis.maps import Map
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import MARKS, count_of, fixed, listed, significant
+from eqt_cli.cli.result_tables import IN_WORDS
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.summary import compared_first, unit_in_words
@@ -122,7 +123,7 @@ def _alone(comparison: Comparison, law: str) -> list[str]:
     levels = [x for x in comparison.levels if x.measured.quantity.better != "neither"]
     shown = [x for x in [*headline(levels), *settling_of(levels, levels)] if x.controller == law]
     reached = [
-        f"{name_of(level.measured, comparison)} {_with_interval(level)}"
+        f"{_plain(level.measured, comparison)} {_with_interval(level)}"
         for level in dict.fromkeys(shown)
         if math.isfinite(level.mean)
     ]
@@ -158,7 +159,7 @@ def _finding(
     """Say which laws have less of the error than the base, and what the best one costs."""
     first = {law: headline(laws[law])[0] for law in order}
     measured, against = first[order[0]].measured, comparison.titles[base]
-    name = name_of(measured, comparison)
+    name = _plain(measured, comparison)
     less, more = ("Smaller", "Larger")
     if measured.quantity.better == "higher":
         less, more = more, less
@@ -190,9 +191,8 @@ def _finding(
         within = f"less than {100 * comparison.negligible:g} %"
         is_close = max(abs(_rank(pair)) for pair in first.values()) < comparison.negligible
         smallest = described[leader] if _rank(first[leader]) < 0 else against
-        seen = (
-            f"{name}s differ by {within}" if is_close else f"the {least.lower()} {name}: {smallest}"
-        )
+        close, leads = f"the laws' {name} differs by {within}", f"the {least.lower()} {name}"
+        seen = close if is_close else f"{leads}: {smallest}"
         words = "Nothing else is decided" if alike else "Nothing is decided"
         sentences.insert(0, f"{words} with {runs_each(comparison)}; {seen}.")
         if is_close:
@@ -203,10 +203,18 @@ def _finding(
     costs = [pair for pair in headline(laws[leader]) if pair.measured.quantity.role == "cost"]
     if costs and (leader in better or _rank(first[leader]) < 0):
         cost = costs[0]
-        what = name_of(cost.measured, comparison)
+        what = _plain(cost.measured, comparison)
         what = f"{what[0].upper()}{what[1:]} of {_starred(comparison, leader)}"
         sentences.append(f"{what}: {_numbers(cost, comparison)}, {cost.word}.")
     return sentences
+
+
+def _plain(measured: PerRun, comparison: Comparison) -> str:
+    """Return the name of a number without symbols, as ``rms position error``."""
+    name = name_of(measured, comparison)
+    for symbol, plain in IN_WORDS.items():
+        name = name.replace(symbol, plain)
+    return name
 
 
 def _few(laws: Sequence[str], described: dict[str, str]) -> str:
