@@ -37,9 +37,14 @@ FORCE_SAMPLES = 4_001
 FORCE_JUMP = 0.2
 """Share of its range by which a force that changes between two of these times jumps."""
 
-MOST_NOISE = 1.0
-"""Largest standard deviation of a measured rotation without a remark, rad."""
-
+NO_ROTATION = "leaves nothing of a measured rotation"
+IMPLAUSIBLE: dict[str, tuple[float, str, str, str, tuple[str, ...]]] = {
+    "sensors.pose": (1.0, "rad", NO_ROTATION, "degrees or arc seconds", ("deg", "arcsec")),
+    "sensors.velocity": (1.0, "rad/s", "is more than any gyro has", "degrees", ("deg/s", "deg/h")),
+    "sensors.accelerometer": (2.0, "m/s^2", "is more than any accelerometer has", "mg", ("mg",)),
+}
+"""Deviations that are remarked on. Cheap gyros have offsets up to 20 deg/s, 0.35 rad/s, and cheap
+accelerometers up to 150 mg, 1.5 m/s²."""
 
 FUNCTION_WORDS = {*"all and any both default each no none not or some the with without".split()}
 """Labels that a reader takes for a word of a sentence, as in "none against gt: undecided"."""
@@ -64,7 +69,7 @@ def remarks(
         *([(("ensemble", "runs"), equal)] if repeats else []),
         *experiment.remarks(),
         *_component_remarks(experiment, shown),
-        *_noise_remarks(experiment),
+        *_sensor_remarks(experiment),
         *_numerical_remarks(experiment, shown),
         *limits_below_reference(experiment, shown),
     ]
@@ -163,22 +168,25 @@ def _jump(experiment: Experiment, force: Force) -> float | None:
     return float(times[steps.argmax()]) if jumps else None
 
 
-def _noise_remarks(experiment: Experiment) -> Placed:
-    """Remark on a noise of measured rotations that says nothing about them."""
+def _sensor_remarks(experiment: Experiment) -> Placed:
+    """Remark on noises and biases that no instrument has."""
     vehicle, G = experiment.loop.vehicle, experiment.group
     for path, sensor in vehicle.sensors().items():
-        if vehicle.control is None or not path.startswith("sensors.pose"):
+        known = IMPLAUSIBLE.get(path.split("[")[0])
+        if vehicle.control is None or known is None:
             continue
+        limit, unit, says, meant, units = known
         std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
+        bias = sensor.bias_deviation(G)
         measured = [part for part in G.parts if part.name == sensor.of] or G.parts
-        turns = [part.turns for part in measured for _ in range(G.dimension)[part.axes]]
-        most = 0.0 if std is None else np.max(std, where=turns, initial=0.0)
-        if most > MOST_NOISE:
-            yield (
-                parse_key(path),
-                f"a noise of {most:g} rad leaves nothing of a measured rotation; "
-                f"if degrees or arc seconds were meant, write '{most:g} deg' or '{most:g} arcsec'",
-            )
+        turns = np.array([part.turns for part in measured for _ in range(G.dimension)[part.axes]])
+        of_unit = turns if "rad" in unit else ~turns
+        for what, sizes in (("noise", std), ("bias", bias and bias[0])):
+            most = 0.0 if sizes is None else np.max(sizes, where=of_unit, initial=0.0)
+            if most > limit:
+                instead = " or ".join(f"'{most:g} {other}'" for other in units)
+                words = f"a {what} of {most:g} {unit} {says}; if {meant} were meant, write"
+                yield parse_key(path), f"{words} {instead}"
 
 
 MOST_TURNED = 1 / 3

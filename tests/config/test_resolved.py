@@ -296,15 +296,20 @@ def test_one_unit_cannot_stand_for_angles_and_lengths(experiment):
     ]
 
 
-def test_a_noise_of_radians_is_remarked(experiment):
-    """Of the rotation: a noise of 2 m is one."""
-    noise = "{pose: [{kind: noise, std: [2, 0.1, 0, 2, 2, 2]}]}"
-    found = experiment(**sections_of(ON_SE3), control="{period: 0.1}", sensors=noise)
-    [remark] = [str(each) for each in remarks(found) if "noise" in str(each)]
-    assert remark.endswith(
-        ": sensors.pose[0]: a noise of 2 rad leaves nothing of a measured rotation; if degrees or "
-        "arc seconds were meant, write '2 deg' or '2 arcsec'"
+def test_sensors_that_no_instrument_is_are_remarked(experiment):
+    """Of the rotation: a noise of 2 m is one. A distribution counts by its rms."""
+    sensors = (
+        "{pose: [{kind: noise, std: [2, 0.1, 0, 2, 2, 2]}], velocity: [{kind: noise, std: 0.1}, "
+        "{kind: bias, value: [{normal: [0, 5]}, 0, 0, 9, 9, 9]}, {kind: bias, value: 0.4}]}"
     )
+    found = experiment(**sections_of(ON_SE3), control="{period: 0.1}", sensors=sensors)
+    said = [str(remark).partition("sensors.")[2] for remark in remarks(found)]
+    assert sorted(text for text in said if text) == [
+        "pose[0]: a noise of 2 rad leaves nothing of a measured rotation; if degrees or arc "
+        "seconds were meant, write '2 deg' or '2 arcsec'",
+        "velocity[1]: a bias of 5 rad/s is more than any gyro has; if degrees were meant, write "
+        "'5 deg/s' or '5 deg/h'",
+    ]
 
 
 # Names ------------------------------------------------------------------------------------------

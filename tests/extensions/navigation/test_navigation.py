@@ -209,6 +209,14 @@ def built(*changes):
     return build(read_config(shipped.folder() / "se3_bluerov2_navigation.yaml", changes))
 
 
+def test_an_offset_in_mg_that_was_written_without_its_unit_is_remarked():
+    found = built(
+        "sensors.accelerometer=[{kind: noise, std: 0.1}, {kind: bias, value: [0, 30, 1]}]"
+    )
+    [said] = [str(x) for x in remarks(found, runs=False) if "accelerometer" in str(x)]
+    assert says(said, "…sensors.accelerometer[1]: a bias of 30 m/s^2…write '30 mg'")
+
+
 @from_yaml
 def test_a_slip_is_told_with_the_way_out(changes, said):
     with pytest.raises(ConfigError) as caught:
