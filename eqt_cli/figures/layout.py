@@ -63,6 +63,8 @@ _BETWEEN = 0.06
 """Least gap between two numbers side by side, in."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
+_LETTERED = 1.3
+"""Width per column of panels from which they have letters, in."""
 _MOST_LETTERS = 12
 """Most panels that have letters, a to l."""
 _SMALLER = re.compile(r"\$[^$]*(\^|_|\\frac)")
@@ -218,16 +220,13 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     """Write a user's text as the title of a panel beside its letter: centred, or small at right."""
-    is_lettered = 1 < len(axes.figure.axes) <= _MOST_LETTERS
-    letters = (1 if at_right else 2) / 2 * is_lettered  # a centred title has room for two
+    letters = len(_lettered(axes.figure.figure)) > 1
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
     usual = size_of_type("axes.titlesize")
     size = usual * (_SMALL if at_right else 1.0)
-    # A little smaller, or where there is one letter instead of two, rather than on two lines.
+    # A little smaller rather than on two lines.
     lines = max(1, len(name)) / max(1, _characters(room, size, name or _SAMPLE))
     size = max(_LEAST_SIZE * usual, size / max(1.0, lines))
-    if is_lettered and not at_right and _characters(room, size, name or _SAMPLE) < len(name):
-        return add_title(axes, name, at_right=True)
     fit = max(_characters(room, size, name or _SAMPLE), *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
@@ -235,12 +234,20 @@ def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
 def add_letters(figure: Figure) -> None:
     """Letter the panels, (a), (b), …, above their left corners; a single panel needs none.
 
-    Nor do many, which have names, or a column and a row with names.
+    Nor do many or narrow ones, which have names, or a column and a row with names.
     """
+    panels = _lettered(figure)
+    for number, axes in enumerate(panels if len(panels) > 1 else []):
+        axes.set_title(f"({ascii_lowercase[number]})", loc="left")
+
+
+def _lettered(figure: Figure) -> list[Axes]:
+    """Return the panels of a figure that has room for their letters; none of others."""
     panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_SCALE]
-    if 1 < len(panels) <= _MOST_LETTERS:
-        for number, axes in enumerate(panels):
-            axes.set_title(f"({ascii_lowercase[number]})", loc="left")
+    places = [place for axes in panels if (place := axes.get_subplotspec())]
+    columns = max((place.get_gridspec().ncols for place in places), default=1)
+    has_room = figure.get_figwidth() > columns * _LETTERED and len(panels) <= _MOST_LETTERS
+    return panels if has_room else []
 
 
 def add_legend(

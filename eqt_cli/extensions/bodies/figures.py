@@ -219,7 +219,8 @@ class PathFigure(OverTime):
         axis, which = self._axis(runs)[0], _which(paths)
         winds = "which winds too often for a sphere; view=sphere draws it"
         runs.remarks.append(f"{which}: the body axis {axis}, {winds}.")
-        runs.note = f"{which.lower()}: {axis} from the reference, too many turns for a sphere"
+        plain = "the axis" if "$" not in axis else f"body axis {self.axis or 'z'}"
+        runs.note = f"{which.lower()}: {plain} from the reference, too many turns for a sphere"
         what = "The angle between a body axis and the axis of the reference over time"
         if len(paths) > _most_together(runs):
             angles = {path.law.label: errors_of(path, "sphere") for path in paths}
