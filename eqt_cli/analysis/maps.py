@@ -25,7 +25,14 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, reporter, significant, step
 from eqt_cli.results.quantity import Measure, Plain
 from eqt_cli.results.result import Result, mean_over_runs
-from eqt_cli.results.summary import compared_first, not_shared, repeats, settles, unit_in_words
+from eqt_cli.results.summary import (
+    compared_first,
+    key_in_words,
+    not_shared,
+    repeats,
+    settles,
+    unit_in_words,
+)
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------
 #
@@ -526,7 +533,8 @@ def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
         rows = _ends(result, -settled[..., 0], settled, lambda share: Plain().interval(*share))
         blocks.append(Block("share of settled runs, with its 95 % interval", rows))
     caption = "Points with the best and the worst mean over runs, among points without failed runs"
-    header = ["law", "which", "point", *(key.key for key in result.swept_keys), "mean"]
+    keys = [", ".join(filter(None, key_in_words(result, key))) for key in result.swept_keys]
+    header = ["law", "which", "point", *keys, "mean"]
     return TextTable("best", caption, header, blocks)
 
 

@@ -15,13 +15,13 @@ from matplotlib.colors import Colormap
 from matplotlib.patches import Rectangle
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
 from eqt_cli.base.reporting import NOTHING
 from eqt_cli.figures.labels import free_text, in_words
 from eqt_cli.figures.layout import name_scale
 from eqt_cli.figures.style import Width, ink
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import Result
+from eqt_cli.results.summary import owner_of, unit_of_key
 
 Direction = Literal["x", "y"]
 
@@ -151,11 +151,12 @@ def colours_of(better: str) -> Colormap:
 
 
 def key_label(result: Result, swept: SweptKey) -> str:
-    """Return the name of a swept key with its unit; the key itself where it has no name."""
-    if not swept.label:
-        return in_words(free_text(swept.key, _LONGEST_KEY), swept.unit)
-    of, unit = _owner(result, swept.key), swept.unit or _unit(result, swept.unit_of_key)
-    return in_words(free_text(swept.label + of, _LONGEST_KEY), unit)
+    """Return the name of a swept key with its unit; the key itself where it has none of its own."""
+    names = [key.label + owner_of(result, key) for key in result.swept_keys]
+    name = swept.label + owner_of(result, swept)
+    is_own = bool(swept.label) and names.count(name) < 2
+    text = free_text(name if is_own else swept.key, _LONGEST_KEY)
+    return in_words(text, swept.unit or unit_of_key(result, swept))
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
@@ -185,27 +186,6 @@ def turn_upright(panel: Axes, texts: Sequence[str], room: float) -> float:
         return 0.0
     panel.tick_params(axis="x", labelrotation=90)
     return longest
-
-
-def _owner(result: Result, key: str) -> str:
-    """Return the owner of a key among several controllers, ``" of TITLE"``; else nothing."""
-    match = re.match(r"controllers\[(\d+)\]", key)
-    if match is None or len(result.labels) < 2 or int(match[1]) >= len(result.titles):
-        return ""
-    return f" of {result.titles[int(match[1])]}"
-
-
-def _unit(result: Result, unit: str) -> str:
-    """Return a unit; empty for coordinates with mixed units."""
-    unit = TORQUE if unit == STIFFNESS else unit
-    if unit in (POSE, VELOCITY):
-        return ""
-    if not unit.startswith(TORQUE):
-        return unit
-    torque = result.units("peak_torque") if result.has("peak_torque") else "mixed"
-    if torque in ("mixed", "1", ""):
-        return ""
-    return torque + unit.removeprefix(TORQUE)
 
 
 _LONGEST_NAME = 18

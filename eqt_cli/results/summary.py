@@ -1,6 +1,7 @@
 """What summaries of a result say first: which numbers, of which parts, and whether runs settle."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,8 +10,10 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import suggestion
+from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
 from eqt_cli.base.stored import Status, signal_of
 from eqt_cli.results.metrics import RANKED, SUMMARY
+from eqt_cli.results.quantity import Plain, SweptKey
 from eqt_cli.results.result import ROUNDING, Result, meaning_of
 
 
@@ -161,3 +164,31 @@ def repeats(result: Result) -> bool:
     names = filter(result.has, ("initial_pose", "initial_velocity", *result.metrics))
     of_runs = (np.moveaxis(result.read(name), result.dims(name).index("run"), 0) for name in names)
     return all(np.allclose(x, x[:1], rtol=ROUNDING, equal_nan=True) for x in of_runs)
+
+
+def owner_of(result: Result, swept: SweptKey) -> str:
+    """Return the owner of a key among several controllers, ``" of TITLE"``; else nothing."""
+    match = re.match(r"controllers\[(\d+)\]", swept.key)
+    if match is None or len(result.labels) < 2 or int(match[1]) >= len(result.titles):
+        return ""
+    return f" of {result.titles[int(match[1])]}"
+
+
+def unit_of_key(result: Result, swept: SweptKey) -> str:
+    """Return the own unit of a swept key; empty for coordinates with mixed units."""
+    unit = TORQUE if swept.unit_of_key == STIFFNESS else swept.unit_of_key
+    if unit in (POSE, VELOCITY):
+        return ""
+    if not unit.startswith(TORQUE):
+        return unit
+    torque = result.units("peak_torque") if result.has("peak_torque") else "mixed"
+    if torque in ("mixed", "1", ""):
+        return ""
+    return torque + unit.removeprefix(TORQUE)
+
+
+def key_in_words(result: Result, swept: SweptKey) -> tuple[str, str]:
+    """Return a swept key with its law, as a table heads it, and the unit of its bare numbers."""
+    is_bare = swept.is_number and not swept.unit
+    unit = Plain().unit(unit_of_key(result, swept)) if is_bare else ""
+    return swept.key + owner_of(result, swept), unit

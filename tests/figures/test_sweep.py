@@ -1,5 +1,7 @@
 """The figures of sweeps."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -10,9 +12,9 @@ from eqt_cli.analysis.intervals import Interval, Resampling, share
 from eqt_cli.analysis.maps import NOBODY, compare_map, front
 from eqt_cli.extend import EqtError, Forest, Pareto, Settled, ShownSweep, SweepFigure, Winners
 from eqt_cli.figures import sweep_figures
-from eqt_cli.figures.cells import FEW, number_values
+from eqt_cli.figures.cells import FEW, key_label, number_values
 from eqt_cli.figures.layout import hide_crowded
-from eqt_cli.results.quantity import briefly
+from eqt_cli.results.quantity import SweptKey, briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -560,3 +562,14 @@ def test_a_figure_without_any_certified_rate_says_why(opened, simulate, picture)
     results = opened(simulate(controllers=["eqt"], gains={"kp": [1.0, 2.0, 3.0], "kd": 0.5}))
     with pytest.raises(EqtError, match="has nothing to show: EqT has a stiffness or damping in"):
         picture(Rates(velocity=1.0), results)
+
+
+def test_two_keys_of_one_name_are_named_by_themselves():
+    lag, other = (
+        SweptKey(key, np.zeros(2), {}, label="time constant", unit_of_key="s")
+        for key in ("actuators[0].time_constant", "actuators[1].time_constant")
+    )
+    results = SimpleNamespace(swept_keys=[lag, other], labels=["eqt"], titles=["EqT"])
+    assert "actuators[1].time_constant" in key_label(results, other)
+    results.swept_keys = [lag]
+    assert key_label(results, lag).startswith("time constant $")

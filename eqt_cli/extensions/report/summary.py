@@ -26,7 +26,7 @@ from eqt_cli.figures.style import house_style, line_style
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.result import Result, meaning_of
-from eqt_cli.results.summary import unit_in_words
+from eqt_cli.results.summary import key_in_words, unit_in_words
 from eqt_cli.results.timing import timing_lines
 
 MOST_ROWS = 8000
@@ -342,7 +342,7 @@ def point_table(result: Result) -> Document:
     return {
         "item": "point",
         "columns": [
-            *({**_head("", key.key), "given": True} for key in keys),
+            *(_head("", *key_in_words(result, key)) | {"given": True} for key in keys),
             *columns(result, names),
             *(
                 _head(
@@ -369,9 +369,9 @@ def point_table(result: Result) -> Document:
     }
 
 
-def _head(metric: str, name: str) -> Document:
-    """Return the head of a column of pure numbers without a better direction."""
-    return {"metric": metric, "name": name, "unit": "", "better": ""}
+def _head(metric: str, name: str, unit: str = "") -> Document:
+    """Return the head of a column without a better direction."""
+    return {"metric": metric, "name": name, "unit": unit, "better": ""}
 
 
 def facts(result: Result, author: str = "", date: str = "") -> list[str]:

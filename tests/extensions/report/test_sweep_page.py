@@ -33,7 +33,9 @@ def test_the_line_of_facts_says_what_was_swept(text):
 
 def test_every_point_of_every_controller_is_in_the_table(results):
     table = point_table(results)
-    assert [column["name"] for column in table["columns"][:2]] == ["gains.kp", "gains.kd"]
+    heads = [(column["name"], column["unit"]) for column in table["columns"][:2]]
+    assert heads == [("gains.kp", "N m"), ("gains.kd", "N m s")]
+    assert extreme_points(results, ["effort"]).header[3:5] == ["gains.kp, N m", "gains.kd, N m s"]
     assert len(table["rows"]) == table["total"] == 24
     place = [column["name"] for column in table["columns"]].index("effort ∫‖τ‖² dt")
     for _, point, status, kp, kd, *_ in table["rows"]:
