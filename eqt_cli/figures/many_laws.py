@@ -64,8 +64,7 @@ def draw_laws(
     signals = [
         signal + part if signal else runs.drawn_signal(f"pose_error{part}") for part in runs.parts
     ]
-    if values is not None:
-        signals = [signal]
+    signals = [signal] if values is not None else signals
     drawn = dict[str, dict[str, Array]]()
     for name in signals:
         of = values or {e.label: runs.errors(name, e, degrees=degrees) for e in runs.shown}
@@ -100,8 +99,7 @@ def draw_laws(
     handles = [Line2D([], [], color=colour) for colour in colours]
     layout.add_legend(drawing, handles, names if differ else ["the law", "the others"])
     by = "mean" if is_torque else "closing error"
-    if values is None:
-        by = f"{by}, {runs.count()}"
+    by += f", {runs.count()}" if values is None else ""
     runs.remarks.append(f"Sorted by {by}.")
     runs.note = ", ".join(filter(None, [f"sorted by {by}", runs.note]))
     for name in signals:

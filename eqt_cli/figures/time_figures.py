@@ -178,7 +178,7 @@ class Summary(Panelled, OverTime):
             if self._is_log(runs, signal, drawn, degrees):
                 least = runs.solver_error(signal, drawn, degrees=degrees)
                 scaled = [np.log10(np.maximum(middle, least)) for middle in middles]
-            if laws := _alike(runs, scaled):
+            if len(laws := _alike(runs, scaled)) > 1:
                 alike[signal] = laws
                 of_laws = [middles[runs.shown.index(e)] for e in laws]
                 apart = significant(float(np.ptp(of_laws, axis=0).max()), 1).replace("e-", "e−")
@@ -238,8 +238,7 @@ def _alike(runs: ShownRuns, scaled: Sequence[Array]) -> list[Ensemble]:
             if other.shape == of_first.shape and np.array_equal(e.good, first.good)
         ]
         groups.append([e for e, apart in pairs if apart < line])
-    most = max(groups, key=len)
-    return most if len(most) > 1 else []
+    return max(groups, key=len)
 
 
 def _draw_difference(
@@ -324,9 +323,9 @@ class Torque(Panelled, OverTime):
         several = max(map(len, values.values())) > 1
         share = "" if self.share == "total" else f"{self.share} "
         over = f"root mean square of the {share or 'torque '}over " if several else ""
-        runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}.")
-        counted = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
-        runs.note = ", ".join(filter(None, [counted, runs.note]))
+        counted = f"{over}{runs.count(_MOST_RUNS)}"
+        runs.remarks.append(f"Curves: {counted}.")
+        runs.note = ", ".join(filter(None, [counted if several else "", runs.note]))
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             if name in wanted:
@@ -501,7 +500,6 @@ class Commands(Panelled, OverTime):
             runs.remarks.append("Norms over the axes of a part; option 'panels' draws axes.")
         members = self._with_values(runs, list(axes))
         places = {name: list(axes).index(name) for name in self.picked(members)}
-        wanted = list(places)
         drawing, rows = self._panels(runs, width, places)
         kinds, peaks = set[str](), dict[tuple[Axes, float], str]()
         for name, k in places.items():
@@ -511,7 +509,7 @@ class Commands(Panelled, OverTime):
             for e in row:
                 panel = rows[name][e.label]
                 kinds |= self._fill(panel, runs, e, k, reach)
-                panel.tick_params(labelbottom=name == wanted[-1])
+                panel.tick_params(labelbottom=name == [*places][-1])
             if signal == "torque":
                 peaks |= dict.fromkeys(_bound_spikes(rows[name].values()), units[name])
         prefix_units(drawing.axes)
@@ -523,14 +521,13 @@ class Commands(Panelled, OverTime):
 
     def _is_grouped(self, runs: ShownRuns) -> bool:
         """Whether there are too many axes and laws for a panel each."""
-        many = len(runs.axes) * len(runs.shown) > _MOST_PANELS
-        return many and self._signal == "torque" and not self.panels
+        panels = 0 if self.panels or self._signal != "torque" else len(runs.axes) * len(runs.shown)
+        return panels > _MOST_PANELS
 
     def _with_values(self, runs: ShownRuns, members: list[str]) -> list[str]:
         """Return the axes along which something pushes, or the numbers that a law holds."""
         if self._signal == "torque" and not self.panels and not self._is_grouped(runs):
-            every = [self._values(runs, e) for e in runs.shown]
-            return runs.pushed(members, [values for both in every for values in both])
+            return runs.pushed(members, [of for e in runs.shown for of in self._values(runs, e)])
         if self._signal == LAW_OUTPUT:
             held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
             return [name for name, is_held in zip(members, held, strict=True) if is_held]
@@ -548,9 +545,8 @@ class Commands(Panelled, OverTime):
         chosen = {name: members.index(name) for name in self.picked(members)}
         if self._signal in ("torque", LAW_OUTPUT) or len(chosen) <= _FEW:
             return None
-        if any(runs.limits(e, self.run, self._signal) is None for e in runs.shown):
-            return None
-        draws = functions_for("figure of loads")
+        limited = all(runs.limits(e, self.run, self._signal) is not None for e in runs.shown)
+        draws = functions_for("figure of loads") if limited else ()
         return next((draw(runs, width, chosen, self._signal, self.run) for draw in draws), None)
 
     def _rows(self, runs: ShownRuns) -> dict[str, str]:
