@@ -97,7 +97,7 @@ class Repeated:
         if self.reversed:
             verdict = f"{count_of(len(self.reversed), 'resolved verdict')} reversed"
         lines: list[Any] = [
-            f"{verdict}: of {self.pairs} pairs of {count_of(len(self.laws), 'law')} on "
+            f"{verdict}: of {count_of(self.pairs, 'pair')} of {count_of(len(self.laws), 'law')} on "
             f"{count_of(len(self.tasks), 'task')}, {self.both} are resolved both times, "
             f"{self.once} once",
             *(f"reversed {one}" for one in self.reversed),
