@@ -32,6 +32,8 @@ tune: {over: {gains.kp: [1, 3]}, budget: 5, samples: 1}
 worst: {objective: final_pose_error, over: {gains.kp: [1, 3]}, budget: 1, seeds: 1}
 """
 SLOW = {"run", "sweep", "tune", "worst", "bench"}
+UNTRIED = {"new", "archive", "repeat"}
+"""Commands that ask, replace a file of the installed eqt, or compute for minutes."""
 LEFT_OUT = {"--help", "--executor", "--workers", "--out"}
 """Options that start processes or write outside the folder."""
 
@@ -43,7 +45,7 @@ def commands() -> list[tuple[list[str], Any]]:
     def below(words: list[str], command: Any) -> Any:
         for name, each in getattr(command, "commands", {}).items():
             yield from below([*words, name], each)
-        if not hasattr(command, "commands") and words[-1] != "new":
+        if not hasattr(command, "commands") and words[-1] not in UNTRIED:
             yield words, command
 
     return list(below([], typer.main.get_command(app)))
