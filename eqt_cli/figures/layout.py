@@ -222,11 +222,10 @@ def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     """Write a user's text as the title of a panel beside its letter: centred, or small at right."""
     letters = len(_lettered(axes.figure.figure)) > 1
     room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
-    usual = size_of_type("axes.titlesize")
-    size = usual * (_SMALL if at_right else 1.0)
+    size = size_of_type("axes.titlesize") * (_SMALL if at_right else 1.0)
     # A little smaller rather than on two lines.
     lines = max(1, len(name)) / max(1, _characters(room, size, name or _SAMPLE))
-    size = max(_LEAST_SIZE * usual, size / max(1.0, lines))
+    size *= max(_LEAST_SIZE, 1 / max(1.0, lines))
     fit = max(_characters(room, size, name or _SAMPLE), *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
