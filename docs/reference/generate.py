@@ -92,13 +92,16 @@ def topics() -> Iterator[str]:
     """What people have and want, with the command and the page."""
     from eqt_cli.extensions.finding.finding import topics as all_topics
 
-    rows = []
+    groups = dict[str, list[list[str]]]()
     for topic in all_topics():
         title = re.search("^# (.*)", (DOCS / topic.page.partition("#")[0]).read_text(), re.M)
         assert title
         link = f"[{title[1]}](../{topic.page})".replace("(../howto/", "(")
-        rows.append([topic.have, topic.want, code(topic.command), link])
-    yield from table(["I have", "and want", "command", "page"], rows)
+        row = [topic.have, topic.want, code(topic.command), link]
+        groups.setdefault(topic.group, []).append(row)
+    for group, rows in groups.items():
+        yield from [f"## {group}", ""]
+        yield from table(["I have", "and want", "command", "page"], rows)
 
 
 # What laws read -----------------------------------------------------------------------------------

@@ -24,6 +24,8 @@ class Topic(NamedTuple):
         The page for it, within `docs`, also with the anchor of a heading.
     words
         What somebody may search for.
+    group
+        The heading of the page that it stands under.
     """
 
     have: str
@@ -31,6 +33,7 @@ class Topic(NamedTuple):
     command: str
     page: str
     words: list[str]
+    group: str
 
     @property
     def file(self) -> str:
@@ -44,7 +47,8 @@ def topics() -> tuple[Topic, ...]:
     import yaml  # loaded by no help page
 
     path = Path(__file__).with_name("topics.yaml")
-    return tuple(Topic(**row) for row in yaml.safe_load(path.read_text("utf-8")))
+    groups = yaml.safe_load(path.read_text("utf-8"))
+    return tuple(Topic(**row, group=group) for group, rows in groups.items() for row in rows)
 
 
 def _exactly(word: str) -> list[Topic]:
