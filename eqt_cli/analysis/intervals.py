@@ -186,8 +186,8 @@ def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> I
 
 def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
     """Return `share` over the last axis of zeros and ones, NaN for no value; ``(..., 3)``."""
-    known = np.isfinite(values)
-    counts, runs = np.where(known, values, 0).sum(axis=-1), known.sum(axis=-1)
+    finite = np.isfinite(values)
+    counts, runs = np.where(finite, values, 0).sum(axis=-1), finite.sum(axis=-1)
     rows = [
         share(int(count), int(of), confidence)
         for count, of in zip(counts.ravel(), runs.ravel(), strict=True)
@@ -215,8 +215,8 @@ def difference_of_shares(first: Array, second: Array, confidence: float) -> tupl
     Interval, float
         The ends are NaN for fewer than `FEWEST` runs; without runs all numbers are NaN.
     """
-    known = np.isfinite(first) & np.isfinite(second)
-    x, y, n = first[known] > 0, second[known] > 0, int(known.sum())
+    finite = np.isfinite(first) & np.isfinite(second)
+    x, y, n = first[finite] > 0, second[finite] > 0, int(finite.sum())
     if not n:
         return UNKNOWN, math.nan
     a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in (x & y, x & ~y, ~x & y, ~x & ~y))
@@ -257,10 +257,10 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
         The ends are NaN for fewer than `FEWEST` runs, ±∞ if unbounded, and not below −1 if no value
         of both is below 0.
     """
-    known = np.isfinite(differences) & np.isfinite(second)
+    finite = np.isfinite(differences) & np.isfinite(second)
     d, y = (
-        differences[known],
-        second[known] * np.sign(second[known].mean() if known.any() else math.nan),
+        differences[finite],
+        second[finite] * np.sign(second[finite].mean() if finite.any() else math.nan),
     )
     n, share = len(d), float(d.mean() / y.mean()) if y.any() else math.nan
     if n < FEWEST or not y.any():

@@ -207,8 +207,8 @@ def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) 
     unknown = [set(rename(result, titles)) for result in results] or [set(titles)]
     for name in titles:
         if all(name in names for names in unknown):
-            known = [label for result in results for label in result.labels]
-            hint = suggestion(name, known) or f"; there are: {', '.join(dict.fromkeys(known))}"
+            labels = [label for result in results for label in result.labels]
+            hint = suggestion(name, labels) or f"; there are: {', '.join(dict.fromkeys(labels))}"
             raise EqtError(f"titles: '{name}' is neither a controller nor a metric{hint}")
 
 

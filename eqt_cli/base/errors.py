@@ -203,9 +203,9 @@ def bare(name: str) -> str:
     return "".join(character for character in plain if character.isalnum())
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
+def suggestion(word: str, names: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the known word closest to `word`, or an empty text."""
-    nearest = closest(word, known)
+    nearest = closest(word, names)
     return f"; did you mean '{nearest}'?" if nearest else ""
 
 
@@ -217,9 +217,9 @@ SAME_MEANING: Final[Mapping[str, str]] = {
 """Words for when something acts, and those that configurations have for them."""
 
 
-def closest(word: str, known: Iterable[str]) -> str | None:
+def closest(word: str, names: Iterable[str]) -> str | None:
     """Return the known word that was probably meant; None if none is close."""
-    by_lower = {name.lower(): name for name in known}
+    by_lower = {name.lower(): name for name in names}
     if (same := SAME_MEANING.get(word.lower())) in by_lower:
         return by_lower[same]
     close = get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6)

@@ -238,7 +238,7 @@ class _Parser:
             message = f"the expression goes on at {{}}; expected at most {MAX_LENGTH} characters"
             _stop(message, MAX_LENGTH + 1)
         self._text, self._variables = text, variables
-        self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
+        self._names = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
         self._leaves: dict[int, Node] = {}
         # Keys, such as gains.kp and inertia[0], are names where they are variables.
         keys = "|".join(map(re.escape, (name for name in variables if not name.isidentifier())))
@@ -314,18 +314,18 @@ class _Parser:
         if right in ("and", "or", "if"):
             _stop(f"unexpected '{right}' at {{}}{_HINTS[right]}", token.column)
         # 2t probably means a product; 1_000, 0x10 and 1e do not.
-        multiply = token.kind != "name" or token.text in self._known
+        multiply = token.kind != "name" or token.text in self._names
         hint = f"; write '{left}*{right}' to multiply" if multiply else ""
         _stop(f"missing operator between '{left}' and '{right}' at {{}}{hint}", token.column)
 
     def _refuse_name(self, token: _Token) -> NoReturn:
         name = token.text
-        if name in self._known:
+        if name in self._names:
             as_in = f"as in '{name}({next(iter(self._variables), '1')})'"
             message = f"function '{name}' at {{}} needs its argument in parentheses, {as_in}"
         else:
-            hint = _HINTS.get(name, "") or suggestion(name.lower(), self._known)
-            hint = hint or f"; known names: {', '.join(self._known)}"
+            hint = _HINTS.get(name, "") or suggestion(name.lower(), self._names)
+            hint = hint or f"; known names: {', '.join(self._names)}"
             message = f"unknown name '{_short(name)}' at {{}}{hint}"
         _stop(message, token.column)
 
@@ -357,8 +357,8 @@ class _Parser:
 
     def _arguments(self, call: ast.Call, name: str) -> list[ast.expr]:
         """Return the arguments of a function, with a < b as two, if their number is right."""
-        known = PIECEWISE.get(name)
-        takes, count = (known.takes, known.count) if known else ("one argument", 1)
+        piecewise = PIECEWISE.get(name)
+        takes, count = (piecewise.takes, piecewise.count) if piecewise else ("one argument", 1)
         rule = f"function '{name}' at column {call.col_offset} takes {takes}, got "
         arguments, got = list(call.args), str(len(call.args) or "none")
         if name == "where" and arguments:
@@ -389,7 +389,9 @@ class _Parser:
         sign, column = self._sign_after(tree)
         rule = "a comparison may only be the first argument of 'where', as in 'where(t < 1, 0, 2)'"
         if sign == ",":
-            several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
+            several = ", ".join(
+                name for name, piecewise in PIECEWISE.items() if piecewise.count != 1
+            )
             rule = f"write decimals with a point; only {several} take several arguments"
         _stop(f"unexpected '{sign}' at {{}}; {rule}", column)
 
@@ -552,9 +554,9 @@ def combined(node: Node, operands: tuple[Any, ...]) -> Any:
             # Python's floats raise where IEEE gives inf or nan, and (-8)**0.5 becomes complex.
             return float(_OPERATORS[what](np.float64(left), right))
         return _OPERATORS[what](left, right)
-    known = PIECEWISE.get(what)
+    piecewise = PIECEWISE.get(what)
     operands = tuple(np.float64(x) if isinstance(x, float) else x for x in operands)
-    result = known.value(*operands) if known else apply(what, operands[0])
+    result = piecewise.value(*operands) if piecewise else apply(what, operands[0])
     return float(result) if isinstance(result, float) else unwrapped(result)
 
 

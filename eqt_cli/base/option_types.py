@@ -149,9 +149,9 @@ class Written(str):
 
     def __new__(cls, text: str, units: Iterable[str], *, mixed: bool = False) -> Self:
         """Return the text with its units."""
-        made = super().__new__(cls, text)
-        made.units, made.mixed = tuple(dict.fromkeys(units)), mixed
-        return made
+        written = super().__new__(cls, text)
+        written.units, written.mixed = tuple(dict.fromkeys(units)), mixed
+        return written
 
 
 class _InUnit:
@@ -545,8 +545,8 @@ def _time_instead(path: KeyPath, value: Any, kind: Any, common: tuple[str, ...])
     """Return the key of a time that a number at a key of another meaning was probably for."""
     key = SAME_MEANING.get(str(path[-1])) if path else None
     is_time = isinstance(value, int | float) and not isinstance(value, bool)
-    known = known_keys(kind, path[:-1], common) if key and is_time else {}
-    return f"; did you mean '{key}'?" if key in known else ""
+    keys = known_keys(kind, path[:-1], common) if key and is_time else {}
+    return f"; did you mean '{key}'?" if key in keys else ""
 
 
 def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> set[KeyPath]:
@@ -591,11 +591,11 @@ def _expectation(code: str, context: Mapping[str, Any]) -> str:
     return words
 
 
-def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:
+def unknown_key(key: str, keys: Iterable[str], deeper: str | None = None) -> str:
     """Return the message for an unknown key, which may belong at `deeper`."""
     if deeper:
         return f"{_UNKNOWN_KEY}; did you mean '{deeper}'?"
-    others = [name for name in known if name != key]  # a union's other members may know `key`
+    others = [name for name in keys if name != key]  # a union's other members may know `key`
     return _UNKNOWN_KEY + (suggestion(key, others) or f"; expected one of {', '.join(others)}")
 
 
@@ -697,42 +697,42 @@ class Kind:
             at_kind.add(f"missing; {said}" if kind is None else f"{said}, got {shown(kind)}")
             return None
         with at_kind.catching():
-            of, known = self.registry.get(self.registry.written(kind)), ("kind", *common)
-            made = validated(of, options, problems, known, group, measured=self.measured)
-            if made and is_foreign(of.__module__):
-                for name, value in as_section(made).items():
+            of, common_keys = self.registry.get(self.registry.written(kind)), ("kind", *common)
+            component = validated(of, options, problems, common_keys, group, measured=self.measured)
+            if component and is_foreign(of.__module__):
+                for name, value in as_section(component).items():
                     try:
                         json.dumps(value)
                     except (TypeError, ValueError):
                         problems.at(name).add(f"is {value!r}; no configuration can hold that")
-            return made
+            return component
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
         """Return the component as `read`, checked for a group."""
-        made = self.read(value, problems, group)
-        if made is not None and group is not None:
-            made.check(group, problems)
-        return made
+        component = self.read(value, problems, group)
+        if component is not None and group is not None:
+            component.check(group, problems)
+        return component
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         def component(value: Any, info: Any) -> Any:
-            problems, made = Problems(), None
+            problems, result = Problems(), None
             try:
-                made = self.checked(value, problems, (info.context or UnitPlace()).group)
+                result = self.checked(value, problems, (info.context or UnitPlace()).group)
             except ConfigError:  # after too many errors, whose places the tree knows
                 if not problems:
                     raise
             if problems:
                 raise PydanticCustomError(_WRONG, "wrong", {"problems": problems})
-            return made
+            return result
 
         section = core_schema.plain_serializer_function_ser_schema(self.section)
         schema = core_schema.with_info_plain_validator_function(component, serialization=section)
         return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
-    def section(self, made: Any) -> Any:
+    def section(self, component: Any) -> Any:
         """Return the value that describes a component, with every option."""
-        return as_section(made)
+        return as_section(component)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         names = {"enum": self.registry.names(), "type": "string"}

@@ -257,9 +257,9 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         for name in registry.add_from(module, path.name)
     ]
     if not added:
-        known = ", ".join(sorted(registry.base.__name__ for registry in _registries))
+        bases = ", ".join(sorted(registry.base.__name__ for registry in _registries))
         raise ComponentError(
-            f"plugin {path}: defines no component; derive a class with a `name` from one of {known}"
+            f"plugin {path}: defines no component; derive a class with a `name` from one of {bases}"
         )
     _loaded_plugins[digest] = module
     return added

@@ -178,7 +178,7 @@ SIGNALS = {row.name: row for row in _ROWS}
 def signal_of(name: str) -> Signal | None:
     """Return the signal of a name, which may end with a part: ``torque_norm_rotation``."""
     # The last one first: ``pose_error`` is no part of ``pose``.
-    names = (known for known in reversed(SIGNALS) if f"{name}_".startswith(f"{known}_"))
+    names = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal}_"))
     return SIGNALS.get(next(names, ""))
 
 

@@ -319,11 +319,11 @@ def _of_whole(
         maps = api.compare_sweep(path, **{**chosen, "metrics": metrics}, share=share, **vars(how))
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS
-        made = [
+        tables = [
             map_table for one in maps for map_table in map_tables(one, result, write, whole=whole)
         ]
-        made.sort(key=lambda map_table: map_table.name != TableName.WINNERS)  # the answers first
-        shown = [map_table for map_table in made if table is None or map_table.name == table]
+        tables.sort(key=lambda map_table: map_table.name != TableName.WINNERS)  # the answers first
+        shown = [map_table for map_table in tables if table is None or map_table.name == table]
         notes = dict.fromkeys(note for map_table in shown for note in map_table.notes)
         # Notes stand once, at the end.
         shown = [replace(map_table, notes=[]) for map_table in shown]
@@ -413,8 +413,8 @@ def _tables(comparison: Comparison, look: _Look) -> _Findings:
     if look.format is TableFormat.LATEX and look.table is None:
         name = TableName.CONTROLLERS
         remarks.append("this is --table controllers; --table pairs, claims or all print others")
-    made = text_tables(comparison, look.write, look.against, laws_as_rows=as_rows)
-    shown = [made[x] for x in made if name in (None, x)]
+    tables = text_tables(comparison, look.write, look.against, laws_as_rows=as_rows)
+    shown = [tables[x] for x in tables if name in (None, x)]
     if not shown:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these laws"

@@ -26,16 +26,18 @@ Completions = list[tuple[str, str]]
 """Possible words, each with its meaning."""
 
 
-def words(known: str | Sequence[str], incomplete: str) -> Completions:
+def words(names: str | Sequence[str], incomplete: str) -> Completions:
     """Complete one of these words or, for the name of a kind, the name of a component."""
-    texts = _known()["names"][known] if isinstance(known, str) else dict.fromkeys(known, "")
+    texts = _completions()["names"][names] if isinstance(names, str) else dict.fromkeys(names, "")
     return _starting(incomplete, texts)
 
 
 def listed(incomplete: str) -> Completions:
     """Complete a kind of components or, from its first letter, the name of a component."""
     kinds = dict.fromkeys((*all_kinds(), "configs"), "")
-    names = {name: text for of_kind in _known()["names"].values() for name, text in of_kind.items()}
+    names = {
+        name: text for of_kind in _completions()["names"].values() for name, text in of_kind.items()
+    }
     return _starting(incomplete, kinds | names if incomplete else kinds)
 
 
@@ -48,7 +50,7 @@ def shipped(incomplete: str) -> Completions:
 
 def keys(incomplete: str) -> Completions:
     """Complete a key of any configuration."""
-    return _starting(incomplete, _known()["keys"])
+    return _starting(incomplete, _completions()["keys"])
 
 
 def settings(ctx: typer.Context, incomplete: str) -> Completions:
@@ -56,13 +58,13 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
     # `args` holds words not parsed yet, where the line ends in an option without its value.
     words = [ctx.params.get("config"), ctx.params.get("target"), *ctx.args]
     file = next((Path(word) for word in words if word and Path(word).is_file()), None)
-    known = dict.fromkeys(_written(file), "") | _known()["keys"]
-    return _starting(incomplete, {f"{key}=": text for key, text in known.items()})
+    keys = dict.fromkeys(_written(file), "") | _completions()["keys"]
+    return _starting(incomplete, {f"{key}=": text for key, text in keys.items()})
 
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete ``KEY=`` or ``FIGURE.KEY=``, an option of the requested figures or of any."""
-    options = _known()["figure_options"]
+    options = _completions()["figure_options"]
     wanted = ctx.params.get("figure") or options
     offered = [(name, option) for name in wanted for option in options.get(name, ())]
     plain = {f"{option}=": "" for _, option in offered}
@@ -77,8 +79,8 @@ def laws(ctx: typer.Context, incomplete: str) -> Completions:
 
 def metrics(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete the name of a metric in the results on the line."""
-    known = {n: q.plain for result in _results(ctx) for n, q in result.comparable.items()}
-    return _starting(incomplete, known)
+    names = {n: q.plain for result in _results(ctx) for n, q in result.comparable.items()}
+    return _starting(incomplete, names)
 
 
 def panels(ctx: typer.Context, incomplete: str) -> Completions:
@@ -97,8 +99,8 @@ def _results(ctx: typer.Context) -> Iterator["Result"]:
             yield opened
 
 
-def _starting(incomplete: str, known: dict[str, str]) -> Completions:
-    return [(word, text) for word, text in known.items() if word.startswith(incomplete)]
+def _starting(incomplete: str, texts: dict[str, str]) -> Completions:
+    return [(word, text) for word, text in texts.items() if word.startswith(incomplete)]
 
 
 # Keys in a file -----------------------------------------------------------------------------------
@@ -130,16 +132,16 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
 # What eqt knows -----------------------------------------------------------------------------------
 
 
-_KNOWN = ("state", "names", "keys", "figure_options")
+_CACHED = ("state", "names", "keys", "figure_options")
 
 
 @cache
-def _known() -> dict[str, Any]:
+def _completions() -> dict[str, Any]:
     """Return component names, configuration keys and figure options, cached or collected anew."""
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     state, file = _state(), Path(caches) / "eqt" / "completion.json"
     with suppress(OSError):
-        cached = read_record(file, *_KNOWN)
+        cached = read_record(file, *_CACHED)
         if cached and cached["state"] == state:
             return cached
     from eqt_cli.base.option_types import option_names

@@ -173,7 +173,7 @@ def new(
     source: Annotated[
         str | None, options.option("--from", autocompletion=completion.shipped)
     ] = None,
-    vehicle: Annotated[str | None, options.option("--vehicle", known=tuple(VEHICLES))] = None,
+    vehicle: Annotated[str | None, options.option("--vehicle", names=tuple(VEHICLES))] = None,
     mass: Annotated[float | None, options.option("--mass")] = None,
     inertia: Annotated[str | None, options.option("--inertia")] = None,
     bandwidth: Annotated[float | None, options.option("--bandwidth")] = None,
@@ -248,8 +248,8 @@ def _text_of(
         raise EqtError(f"--{next(iter(wanted))} is of a vehicle from a file; add --from FILE")
     if not is_file and vehicle is None:
         if first:
-            known = " | ".join(VEHICLES)
-            raise EqtError(f"{first} applies to vehicles only; add --vehicle {known}")
+            names = " | ".join(VEHICLES)
+            raise EqtError(f"{first} applies to vehicles only; add --vehicle {names}")
         return shipped.text(source or "paper"), source or "paper", []
     if not is_file and source is not None:
         raise EqtError("--vehicle replaces --from; leave one of them out")

@@ -102,7 +102,7 @@ _HEADING = "\n\nOptions\n-------\n"
 _SHARED = _described((__doc__ or "").partition(_HEADING)[2])
 
 
-def option(name: str, *letters: str, known: str | Sequence[str] | None = None, **more: Any) -> Any:
+def option(name: str, *letters: str, names: str | Sequence[str] | None = None, **more: Any) -> Any:
     """Return an option, whose text is in the docstring of this module, or of the command.
 
     Parameters
@@ -110,8 +110,8 @@ def option(name: str, *letters: str, known: str | Sequence[str] | None = None, *
     known
         Words that complete its value or, as the name of a kind, the components that do.
     """
-    if known is not None:
-        more["autocompletion"] = lambda incomplete: completion.words(known, incomplete)
+    if names is not None:
+        more["autocompletion"] = lambda incomplete: completion.words(names, incomplete)
     return typer.Option(name, *letters, **_SHARED.get(name, {}), **more)
 
 
@@ -263,14 +263,14 @@ Json = Annotated[bool, option("--json")]
 Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]
 Workers = Annotated[int | None, option("--workers", min=1)]
-Engine = Annotated[str | None, option("--engine", known="engines")]
-ExecutorName = Annotated[str | None, option("--executor", known="executors")]
+Engine = Annotated[str | None, option("--engine", names="engines")]
+ExecutorName = Annotated[str | None, option("--executor", names="executors")]
 ShardOf = Annotated[str | None, option("--shard")]
 Point = Annotated[int | None, option("--point")]
 Units = Annotated[list[str] | None, option("--unit")]
 Measured = Annotated[Path | None, option("--measured")]
 Mapping = Annotated[Path | None, option("--mapping")]
-LogFormat = Annotated[str, option("--log-format", known=("csv", "tum", "euroc"))]
+LogFormat = Annotated[str, option("--log-format", names=("csv", "tum", "euroc"))]
 DryRun = Annotated[bool, option("--dry-run")]
 TrustPlugins = Annotated[bool, option("--trust-plugins")]
 

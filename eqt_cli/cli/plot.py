@@ -44,16 +44,16 @@ def plot(
             "A configuration gives a figure of its reference.",
         ),
     ],
-    figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
+    figure: Annotated[list[str] | None, options.option("--figure", names="figures")] = None,
     list_: Annotated[bool, options.option("--list", is_eager=True, callback=_list)] = False,
     set_: options.Set = None,
     option: Annotated[
         list[str] | None, options.option("--option", autocompletion=completion.figure_options)
     ] = None,
     format_: Annotated[
-        list[str] | None, options.option("--format", known="pdf svg png tiff json".split())
+        list[str] | None, options.option("--format", names="pdf svg png tiff json".split())
     ] = None,
-    width: Annotated[str, options.option("--width", known=("column", "page", "slide"))] = "column",
+    width: Annotated[str, options.option("--width", names=("column", "page", "slide"))] = "column",
     dpi: Annotated[float | None, options.option("--dpi", min=10, max=2400)] = None,
     controller: options.Controllers = None,
     panel: Annotated[
@@ -241,12 +241,12 @@ def _options(
     from eqt_cli.base.yaml_source import parse_value
     from eqt_cli.figures.figure import figures
 
-    known = {name: option_names(figures.get(name)) for name in names}
+    options_of = {name: option_names(figures.get(name)) for name in names}
     by_figure: dict[str, dict[str, Any]] = {name: {} for name in names}
     for flag, (key, wish) in flags.items():
-        takers = [name for name in known if key in known[name]]
+        takers = [name for name in options_of if key in options_of[name]]
         if wish is not None and not takers:
-            raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(known))}")
+            raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(options_of))}")
         if wish is not None:
             for name in takers:
                 by_figure[name][key] = wish
@@ -257,14 +257,16 @@ def _options(
             raise EqtError(f"{place}: expected KEY=VALUE, got '{text}'")
         figure, _, key = left.strip().rpartition(".")
         value = parse_value(right, place)
-        if figure and figure not in known:
-            hint = suggestion(figure, known) or f"; drawn are: {', '.join(known)}"
+        if figure and figure not in options_of:
+            hint = suggestion(figure, options_of) or f"; drawn are: {', '.join(options_of)}"
             raise EqtError(f"{place}: figure '{figure}' is not drawn{hint}")
-        takers = [figure] if figure else [name for name in known if key in known[name]]
-        if not takers and len(known) > 1:
-            keys = list(dict.fromkeys(option for options in known.values() for option in options))
+        takers = [figure] if figure else [name for name in options_of if key in options_of[name]]
+        if not takers and len(options_of) > 1:
+            keys = list(
+                dict.fromkeys(option for options in options_of.values() for option in options)
+            )
             hint = suggestion(key, keys) or f"; they have: {', '.join(keys)}"
-            raise EqtError(f"{place}: none of {', '.join(known)} has an option '{key}'{hint}")
-        for name in takers or known:
+            raise EqtError(f"{place}: none of {', '.join(options_of)} has an option '{key}'{hint}")
+        for name in takers or options_of:
             by_figure[name][key] = value
     return by_figure

@@ -147,9 +147,9 @@ def _shares(result: Result, laws: list[dict[str, Any]]) -> Iterator[str]:
         shares = ", ".join(f"{title} {100 * row['saturated_share']:.2f} %" for title, row in rows)
         yield f"time at a limit: {shares}"
         yield from _cut(result)
-    known = result.comparable
+    quantities = result.comparable
     shown = [*summary.headlines(result), *result.in_parts("saturated_share")]
-    for quantity in (known[name] for name in shown if name in known):
+    for quantity in (quantities[name] for name in shown if name in quantities):
         if quantity.hold(result.described.holds) and len(result.times) > 1:
             number = result.per_run(quantity)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())

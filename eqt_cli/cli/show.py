@@ -37,8 +37,8 @@ def show(
     variables: Annotated[bool, options.option("--variables")] = False,
     failed: Annotated[bool, options.option("--failed")] = False,
     failures: Annotated[bool, options.option("--failures")] = False,
-    table: Annotated[str | None, options.option("--table", known=TABLES)] = None,
-    format_: Annotated[str | None, options.option("--format", known=FORMATS)] = None,
+    table: Annotated[str | None, options.option("--table", names=TABLES)] = None,
+    format_: Annotated[str | None, options.option("--format", names=FORMATS)] = None,
     export: Annotated[Path | None, options.option("--export")] = None,
     controller: options.Controllers = None,
     run: Annotated[int | None, options.option("--run")] = None,
@@ -124,9 +124,9 @@ def _check_table(table: str | None, format_: str | None, json: bool) -> None:
     _check_known("format", format_, FORMATS)
 
 
-def _check_known(option: str, value: str | None, known: Sequence[str]) -> None:
-    if value and value not in known:
-        hint = suggestion(value, known) or f"; known: {', '.join(known)}"
+def _check_known(option: str, value: str | None, names: Sequence[str]) -> None:
+    if value and value not in names:
+        hint = suggestion(value, names) or f"; known: {', '.join(names)}"
         raise EqtError(f"--{option}: unknown {option} '{value}'{hint}")
 
 

@@ -39,10 +39,10 @@ def as_latex(table: TextTable, text_columns: int = 2) -> str:
     same = [column[:2] for column in across if len(column) > 2 and len({*column[1:]}) == 1]
     said = "".join(f"; {heading}: {cell}" for heading, cell in same if cell not in ("", "-"))
     table = replace(table.without([heading for heading, _ in same]), caption=table.caption + said)
-    made = map(_tabular, table.narrow(MOST_COLUMNS[text_columns]))
+    columns = map(_tabular, table.narrow(MOST_COLUMNS[text_columns]))
     # Names of measures wrap in one column of text.
     first = r"{@{}p{0.28\columnwidth}" if text_columns == 1 else "{@{}l"
-    return "\n\n".join(column.replace("{l", first, 1) for column in made)
+    return "\n\n".join(column.replace("{l", first, 1) for column in columns)
 
 
 def _tabular(table: TextTable) -> str:
@@ -192,7 +192,7 @@ class _SideBySide:
         return list(self._lines(cells))
 
     def _lines(self, cells: list[list[Text]]) -> list[Text]:
-        made = []
+        lines = []
         for parts in zip_longest(*cells, fillvalue=Text()):
             line = Text()
             for part, column, width in zip(parts, self.columns, self.widths, strict=True):
@@ -200,8 +200,8 @@ class _SideBySide:
                 line.append_text(space + part if column.numeric else part + space)
                 line.append(_GAP)
             line.rstrip()
-            made.append(line)
-        return made
+            lines.append(line)
+        return lines
 
 
 def table_text(table: TextTable, room: int | None) -> Text:

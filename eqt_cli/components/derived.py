@@ -105,10 +105,10 @@ def coordinates_of(part: Part, Q: Array, coordinates: Callable[[Any], Array]) ->
     from scipy.spatial.transform import Rotation
 
     R = Q[(..., *part.entries)]
-    known = np.isfinite(R.sum(axis=(-2, -1)))[..., None]
-    whole = np.where(known[..., None], R, np.eye(3)).reshape(-1, 3, 3)
+    finite = np.isfinite(R.sum(axis=(-2, -1)))[..., None]
+    whole = np.where(finite[..., None], R, np.eye(3)).reshape(-1, 3, 3)
     angles = coordinates(Rotation.from_matrix(whole)).reshape(*R.shape[:-2], -1)
-    return np.where(known, angles, np.nan)
+    return np.where(finite, angles, np.nan)
 
 
 # The dataset --------------------------------------------------------------------------------------

@@ -238,11 +238,11 @@ class Estimator(VehiclePart):
 
     # For kinds to define.
 
-    def completed(self, G: MatrixLieGroup, known: Deviations) -> "Estimator":
+    def completed(self, G: MatrixLieGroup, deviations: Deviations) -> "Estimator":
         """Return the estimator with the deviations of the sensors where none are given."""
         return self
 
-    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+    def check_sensors(self, schedule: Schedule, deviations: Deviations, problems: Problems) -> None:
         """Note what does not fit the sensors."""
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
@@ -540,7 +540,7 @@ class Complementary(Estimator):
     kp: Annotated[Numbers, Scale("filter gain k_P", "1/s")] = 1.0
     ki: Annotated[Numbers, Scale("filter gain k_I", "1/s²")] = 0.3
 
-    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+    def check_sensors(self, schedule: Schedule, deviations: Deviations, problems: Problems) -> None:
         """Note gains with which the estimate cannot settle, for the time between two fixes."""
         G = schedule.G
         kp, ki = (vector(drawn(gain, None), G.dimension, G) for gain in (self.kp, self.ki))
@@ -646,10 +646,10 @@ class ErrorStateFilter(Estimator):
         """Whether numbers, or the start of the estimate, differ from run to run."""
         return super().varies or (self.initial_pose_std is not None and self.initial_error is None)
 
-    def completed(self, G: MatrixLieGroup, known: Deviations) -> Self:
+    def completed(self, G: MatrixLieGroup, deviations: Deviations) -> Self:
         """Return the filter with the deviations of the sensors where none are given."""
-        sensed = {"pose_std": known.pose, "velocity_std": known.velocity}
-        sensed |= {"bias_walk": known.walk, "initial_bias_std": known.bias}
+        sensed = {"pose_std": deviations.pose, "velocity_std": deviations.velocity}
+        sensed |= {"bias_walk": deviations.walk, "initial_bias_std": deviations.bias}
         missing = [name for name in sensed if getattr(self, name) is None]
         return with_fields(self, **{name: sensed[name].tolist() for name in missing})
 
@@ -673,9 +673,9 @@ class ErrorStateFilter(Estimator):
                 "missing; initial_error needs the deviation that the filter assumes for it"
             )
 
-    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+    def check_sensors(self, schedule: Schedule, deviations: Deviations, problems: Problems) -> None:
         """Note deviations of 0, parts without a known start, and a bias that no fix can tell."""
-        G, done = schedule.G, self.completed(schedule.G, known)
+        G, done = schedule.G, self.completed(schedule.G, deviations)
         values = {
             name: np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
             for name in DEVIATIONS

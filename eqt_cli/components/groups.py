@@ -422,11 +422,11 @@ def group_named(name: str) -> MatrixLieGroup:
     for kinds in (groups.core, groups.all):
         if group := next(filter(None, (kind.named(name) for kind in kinds())), None):
             return group
-    known = [example for kind in groups.all() for example in kind.examples()]
-    simple = [example for example in known if "*" not in example]
-    products = [example for example in known if example not in simple]
+    examples = [example for kind in groups.all() for example in kind.examples()]
+    simple = [example for example in examples if "*" not in example]
+    products = [example for example in examples if example not in simple]
     listed = ", ".join(simple) + (f" and products such as {products[0]}" if products else "")
-    hint = suggestion(bare(name), known) or f"; known: {listed}"
+    hint = suggestion(bare(name), examples) or f"; known: {listed}"
     raise ComponentError(f"unknown group '{name}'{hint}")
 
 

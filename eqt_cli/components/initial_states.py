@@ -613,8 +613,8 @@ class PoseKind(Kind):
         ]
         return None if None in poses else FactorPoses(tuple(poses))
 
-    def section(self, made: Any) -> Any:
+    def section(self, poses: Any) -> Any:
         """Return the value that describes a distribution."""
-        if isinstance(made, FactorPoses):
-            return [option_types.as_section(factor) for factor in made.factors]
-        return option_types.as_section(made)
+        if isinstance(poses, FactorPoses):
+            return [option_types.as_section(factor) for factor in poses.factors]
+        return option_types.as_section(poses)

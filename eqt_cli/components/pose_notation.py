@@ -133,12 +133,12 @@ def _lengths(G: EuclideanGroup) -> dict[str, int]:
 
 def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) -> Array | None:
     lengths, rotations = _lengths(G), _rotations(G)
-    known = [*rotations, *G.columns]
+    keys = [*rotations, *G.columns]
     parts = {name: np.zeros(length) for name, length in lengths.items()}
     rotation = np.eye(G.space)
     for key, entry in value.items():
-        if key not in known:
-            problems.at(key).add(f"unknown key; a pose of {G.name} takes {', '.join(known)}")
+        if key not in keys:
+            problems.at(key).add(f"unknown key; a pose of {G.name} takes {', '.join(keys)}")
         elif key in G.columns:
             unit = dict(zip(G.columns, G.column_units, strict=True))[key]
             numbers = validated(Annotated[Real | list[Real], Unit(unit)], entry, problems.at(key))

@@ -782,9 +782,9 @@ class Thrusters(Solving, Running):
         if not self.limits:
             return None
         if self.sampled:
-            low, high, known = self.low, self.high, self.believed
-            if known is not None:
-                low, high = maximum(low, known.low), -maximum(-high, -known.high)  # type: ignore[operator]
+            low, high, believed = self.low, self.high, self.believed
+            if believed is not None:
+                low, high = maximum(low, believed.low), -maximum(-high, -believed.high)  # type: ignore[operator]
             below, above = (NEAR * (1 + absolute(end)) for end in (low, high))
             low = low + (below if self.jets is None else -below)
             return outside(x[..., : self.count], low, high - above)

@@ -121,7 +121,7 @@ class Vehicle:
         return {place: part for place, part in parts.items() if part is not None}
 
     @cached_property
-    def known(self) -> dict[tuple[str, str], Any]:
+    def shared_parts(self) -> dict[tuple[str, str], Any]:
         """Parts without draws, by group and place; all runs share them."""
         return {}
 
@@ -140,9 +140,9 @@ class Vehicle:
             part = part or configured.parts[place]
             if random_of and part.varies:
                 return part.of_run(G, random_of(place))
-            if (G.name, place) not in configured.known:
-                configured.known[G.name, place] = part.of_run(G, None)
-            return configured.known[G.name, place]
+            if (G.name, place) not in configured.shared_parts:
+                configured.shared_parts[G.name, place] = part.of_run(G, None)
+            return configured.shared_parts[G.name, place]
 
         inertia = None if configured.inertia is None else flying(INERTIA)
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
@@ -515,13 +515,13 @@ def exactly_measured(G: MatrixLieGroup, vehicle: Vehicle) -> str:
 
     An estimator does not read a pose without a sensor.
     """
-    known = {(channel.signal, channel.part.name) for channel in vehicle.channels(G)}
+    measured = {(channel.signal, channel.part.name) for channel in vehicle.channels(G)}
     words = []
     if navigates(vehicle):
         return ""
     for signal in ("velocity",) if vehicle.estimator else ("pose", "velocity"):
-        parts = [part.name for part in G.parts if (signal, part.name) not in known]
+        parts = [part.name for part in G.parts if (signal, part.name) not in measured]
         of = f" ({', '.join(parts)})" if len(parts) < len(G.parts) else ""
-        if known and parts:
+        if measured and parts:
             words += [f"{signal}{of}"]
     return ", ".join(words)

@@ -310,8 +310,8 @@ def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
         return value
     step, name = path[depth], dotted(path[:depth])
     if isinstance(step, str) and (data is None or isinstance(data, dict)):
-        known = data or {}
-        return known | {step: _replaced(known.get(step), path, value, depth + 1)}
+        mapping = data or {}
+        return mapping | {step: _replaced(mapping.get(step), path, value, depth + 1)}
     if isinstance(step, int) and isinstance(data, list):
         if step >= len(data):
             raise InputError(f"no entry {step}; {name} has {len(data)} entries, counted from 0")

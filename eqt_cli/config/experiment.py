@@ -179,8 +179,8 @@ class Experiment:
                 f"not the inertia of a rigid body: its {broken}; correct it, or add "
                 "`rigid: false` if the system is not one rigid body",
             )
-        known, acting = self.config.known_forces, {x.name for x in self.loop.vehicle.forces}
-        if isinstance(known, list) and "restoring" in {x.name for x in known} - acting:
+        forces, acting = self.config.known_forces, {x.name for x in self.loop.vehicle.forces}
+        if isinstance(forces, list) and "restoring" in {x.name for x in forces} - acting:
             yield (
                 ("plant", "forces"),
                 "lacks the weight that model.forces has, so that laws hold the body against "
@@ -381,16 +381,16 @@ class LastPoint:
     def __init__(self) -> None:
         self.data: dict[str, Any] = {}
         self.config: Config | None = None
-        self._made: dict[str, tuple[Any, ...]] = {}
+        self._values: dict[str, tuple[Any, ...]] = {}
 
     def take(self, name: str, problems: Problems, make: Callable[[], Any], *parts: Any) -> Any:
         """Return the part built from these inputs; the last one if they have not changed."""
-        *last, made = self._made.get(name, (None,))
+        *last, value = self._values.get(name, (None,))
         if len(last) != len(parts) or not all(map(is_, last, parts)):
-            made = make()
+            value = make()
             if not problems:
-                self._made[name] = *parts, made
-        return made
+                self._values[name] = *parts, value
+        return value
 
 
 @blamed()
@@ -454,9 +454,9 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     assert desired
     assert inertia
     laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
-    known = sections.known_forces(config, vehicle, G)
+    forces = sections.known_forces(config, vehicle, G)
     laws, vehicles, desired = with_model(
-        config, laws, gains, G, inertia, vehicle, known, desired, problems
+        config, laws, gains, G, inertia, vehicle, forces, desired, problems
     )
     start = start_from(config, G, desired, home, problems.at("initial"))
     sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
@@ -483,7 +483,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
             *(G, inertia, gains[label], desired.reference, law.law),
             vehicles[label],
             task=task,
-            known_forces=known if law.known_forces and counteracts(law.law) else (),
+            known_forces=forces if law.known_forces and counteracts(law.law) else (),
         )
         for label, law in laws.items()
     }
@@ -667,7 +667,7 @@ def with_model(
     G: MatrixLieGroup,
     inertia: InertiaLaw,
     vehicle: Vehicle,
-    known: tuple[Force, ...],
+    forces: tuple[Force, ...],
     desired: DesiredTrajectory,
     problems: Problems,
 ) -> tuple[dict[str, Law], dict[str, Vehicle], DesiredTrajectory]:
@@ -681,14 +681,14 @@ def with_model(
     acting = acts is not None and acts.forces and config.known_forces != "plant"
     plant = PlantModel(
         inertia,
-        known,
+        forces,
         pushed,
         is_direct(vehicle) and not acting,
         config.time.duration,
         desired.reference.flat_output(G, 0.0),
         None,
         vehicle.control.period if vehicle.control else None,
-        _known(G, vehicle),
+        _believed_actuators(G, vehicle),
         isinstance(desired.reference, ClosedReference),
         vehicle,
     )
@@ -698,13 +698,15 @@ def with_model(
         of_law = plant if entry.known_forces else plant._replace(forces=())
         if flown is not vehicle:
             exact = is_direct(flown) and not acting
-            of_law = of_law._replace(exact=exact, actuators=_known(G, flown), vehicle=flown)
+            of_law = of_law._replace(
+                exact=exact, actuators=_believed_actuators(G, flown), vehicle=flown
+            )
             sections.check_inner(flown, here.at(INNER), problems.at(ACTUATORS))
         of_law = of_law._replace(follows=dict.fromkeys(entry.followed, gains[label]))
         laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
         vehicles[label] = flown = with_thrusters_for(laws[label].law, G, flown, here, problems)
         if flown is not of_law.vehicle and not problems:  # what its limits leave depends on that
-            of_law = of_law._replace(actuators=_known(G, flown), vehicle=flown)
+            of_law = of_law._replace(actuators=_believed_actuators(G, flown), vehicle=flown)
             laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
         _check_taken(laws[label].law, flown, here)
         outer = laws[label].law.formula
@@ -741,7 +743,7 @@ def _check_taken(law: Controller, vehicle: Vehicle, problems: Problems) -> None:
     problems.add(f"commands {law.commands}, and {taking} take {takes}; {put}")
 
 
-def _known(G: MatrixLieGroup, vehicle: Vehicle) -> tuple[Any, ...]:
+def _believed_actuators(G: MatrixLieGroup, vehicle: Vehicle) -> tuple[Any, ...]:
     """Return the actuators as laws know them: of the means, without failures."""
     return tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators)
 

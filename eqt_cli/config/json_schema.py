@@ -315,8 +315,8 @@ def within(keys: Sequence[Key], requested: str) -> list[Key]:
         last = [name for name in names if name.rpartition(".")[2] == plain]
         hint = f"; did you mean '{last[0]}'?" if last else suggestion(plain, names)
         top = [name for name in names if not re.search(r"[.\[]", name)]
-        known = hint or f"; known are: {', '.join(top)}"
-        raise EqtError(f"no key '{requested}' in a configuration{known}")
+        listed = hint or f"; known are: {', '.join(top)}"
+        raise EqtError(f"no key '{requested}' in a configuration{listed}")
     return inside
 
 

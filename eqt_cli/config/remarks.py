@@ -162,8 +162,8 @@ def _jump(experiment: Experiment, force: Force) -> float | None:
     with np.errstate(all="ignore"):  # of one run, as engines call it
         values = np.array([(force.in_body(G, t, Q, V) + 0.0 * V)[0] for t in times.tolist()])
     steps = np.abs(np.diff(values, axis=0)).max(axis=-1)
-    known = np.searchsorted(times, force.instants(G, times[-1]))
-    steps[np.clip(known, 1, len(steps)) - 1] = 0.0
+    after = np.searchsorted(times, force.instants(G, times[-1]))
+    steps[np.clip(after, 1, len(steps)) - 1] = 0.0
     jumps = steps.max() > FORCE_JUMP * np.ptp(values, axis=0).max()
     return float(times[steps.argmax()]) if jumps else None
 
@@ -172,10 +172,10 @@ def _sensor_remarks(experiment: Experiment) -> Placed:
     """Remark on noises and biases that no instrument has."""
     vehicle, G = experiment.loop.vehicle, experiment.group
     for path, sensor in vehicle.sensors().items():
-        known = IMPLAUSIBLE.get(path.split("[")[0])
-        if vehicle.control is None or known is None:
+        bound = IMPLAUSIBLE.get(path.split("[")[0])
+        if vehicle.control is None or bound is None:
             continue
-        limit, unit, says, meant, units = known
+        limit, unit, says, meant, units = bound
         std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
         bias = sensor.bias_deviation(G)
         measured = [part for part in G.parts if part.name == sensor.of] or G.parts
@@ -371,9 +371,9 @@ def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float,
     engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
     states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
     solution = engine.solve(Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES)))
-    known = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
-    reached = known / (TRIAL_SAMPLES - 1)
-    return (solution.steps[0] / reached if known else np.inf), reached
+    solved = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
+    reached = solved / (TRIAL_SAMPLES - 1)
+    return (solution.steps[0] / reached if solved else np.inf), reached
 
 
 LINEARISED = 9

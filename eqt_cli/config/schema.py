@@ -202,7 +202,9 @@ class LawKind(Kind):
         """Return the entry; what needs files or other sections is checked later."""
         options = dict(value) if isinstance(value, dict) else {}
         label, gains = options.pop("label", None), options.pop("gains", None)
-        known = validated(bool, options.pop("known_forces", True), problems.at("known_forces"))
+        known_forces = validated(
+            bool, options.pop("known_forces", True), problems.at("known_forces")
+        )
         inner = validated(
             list[InnerBlock], options.pop(INNER, None) or [], problems.at(INNER), group=group
         )
@@ -215,24 +217,24 @@ class LawKind(Kind):
             gains = validated(GainsSection, gains, problems.at("gains"), group=of)
         if law is None:
             return None
-        return LawEntry(law, label, gains, known, tuple(inner or ()), tuple(options))
+        return LawEntry(law, label, gains, known_forces, tuple(inner or ()), tuple(options))
 
-    def section(self, made: LawEntry) -> dict[str, Any]:
+    def section(self, entry: LawEntry) -> dict[str, Any]:
         """Return the law with every option."""
-        return as_section(made.law)
+        return as_section(entry.law)
 
     def mapping(self, component: Any, handler: Any, **more: Any) -> dict[str, Any]:
         """Return the JSON schema of a law with its options."""
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
-        known = "Whether the law counteracts the forces of `model`; default: true."
+        text = "Whether the law counteracts the forces of `model`; default: true."
         inner = "Blocks of this law alone that its command passes before `actuators`, in order."
         section: Any = {**TypeAdapter(GainsSection).core_schema, "ref": GainsSection.__name__}
         shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
         more = {
             "label": {"type": "string", "description": label},
             "gains": shared | {"description": gains},
-            "known_forces": {"type": "boolean", "description": known},
+            "known_forces": {"type": "boolean", "description": text},
             INNER: {"description": inner},
         }
         return super().mapping(component, handler, **more)
@@ -308,9 +310,9 @@ class ReferenceKind(Kind):
                 velocity = None if numbers is None else vector(numbers, group.dimension, group)
         return ReferenceEntry(reference, starts, pose, velocity)
 
-    def section(self, made: ReferenceEntry) -> dict[str, Any]:
+    def section(self, entry: ReferenceEntry) -> dict[str, Any]:
         """Return the reference with every option."""
-        return as_section(made.reference)
+        return as_section(entry.reference)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         kinds = [self.mapping(kind, handler) for kind in self.registry.all()]
@@ -691,11 +693,11 @@ class ControlSection(Section):
 
     @field_validator("delay")
     @classmethod
-    def _in_periods(cls, value: int | str, known: ValidationInfo) -> int | str:
+    def _in_periods(cls, value: int | str, info: ValidationInfo) -> int | str:
         """Count whole periods; another time stays as it is written."""
-        if isinstance(value, str) and "period" in known.data:
+        if isinstance(value, str) and "period" in info.data:
             with suppress(ValueError):
-                return periods_in(seconds(value), known.data["period"])
+                return periods_in(seconds(value), info.data["period"])
         return value
 
 

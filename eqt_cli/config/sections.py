@@ -497,9 +497,9 @@ def check_sensors(
     signal: str, sensors: Sequence[Sensor], G: MatrixLieGroup, problems: Problems
 ) -> None:
     """Note unknown parts, impossible timing, and entries of a signal that contradict each other."""
-    known = [part.name for part in (depth_of(G) if signal == "depth" else G.parts)]
+    names = [part.name for part in (depth_of(G) if signal == "depth" else G.parts)]
     if signal == "accelerometer" and sensors:
-        known = [part.name for part in G.parts if not part.turns]
+        names = [part.name for part in G.parts if not part.turns]
         if not rigid_motions(G):
             problems.add(f"needs group SE2 or SE3, got {G.name}; remove this key")
             return
@@ -509,14 +509,14 @@ def check_sensors(
             here.add("lever is of an accelerometer; move it to sensors.accelerometer")
         elif signal not in ("velocity", "accelerometer") and isinstance(sensor, DynamicSensor):
             here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
-        if sensor.of is not None and sensor.of not in known:
-            parts = ", ".join(known)
+        if sensor.of is not None and sensor.of not in names:
+            parts = ", ".join(names)
             here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
         if sensor.dropout is not None and not 0 <= sensor.dropout < 1:
             here.at("dropout").add(
                 f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
             )
-    for part in known:
+    for part in names:
         _check_agreement(sensors, part, problems)
 
 
@@ -600,10 +600,10 @@ def vehicle_from(
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
-    known, forces = config.known_forces, plant.forces
-    if forces is None and isinstance(known, list):
-        forces = known
-    if isinstance(known, list) and known and forces == []:
+    of_laws, forces = config.known_forces, plant.forces
+    if forces is None and isinstance(of_laws, list):
+        forces = of_laws
+    if isinstance(of_laws, list) and of_laws and forces == []:
         at_plant.at("forces").add(
             "is empty, and laws counteract the forces of model; list what acts, such as "
             "{kind: constant, force: 0}, or remove this key"
@@ -794,10 +794,10 @@ def _times(
 
 def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
     """Return the forces that laws with a model know, with their mean numbers."""
-    known = config.known_forces
-    if known == "plant":
+    forces = config.known_forces
+    if forces == "plant":
         return vehicle.forces
-    known_parts = tuple(part.of_run(G, None) for part in known or ())
+    known_parts = tuple(part.of_run(G, None) for part in forces or ())
     return in_currents(G, known_parts, vehicle.model) if known_parts else ()
 
 

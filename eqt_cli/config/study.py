@@ -528,9 +528,9 @@ def require_sweepable(key: str) -> None:
     if key == "ensemble.runs":
         raise InputError(RUNS)
     if name not in Config.model_fields:
-        known = [field for field in Config.model_fields if not not_swept(field)]
+        fields = [field for field in Config.model_fields if not not_swept(field)]
         unread = ", and no formula of `set` reads it" if key.isidentifier() else ""
-        raise InputError(f"unknown key '{key}'{unread}; keys are in: {', '.join(known)}")
+        raise InputError(f"unknown key '{key}'{unread}; keys are in: {', '.join(fields)}")
 
 
 def _check_points(checked: Study, points: Sequence[int]) -> None:

@@ -125,9 +125,9 @@ class SolverKind(Kind):
             return None
         return Solver(value, judgement, engine, by_name[GENERAL] if is_auto else None)
 
-    def section(self, made: Solver) -> dict[str, Any]:
+    def section(self, solver: Solver) -> dict[str, Any]:
         """Return the complete section."""
-        return made.resolved
+        return solver.resolved
 
 
 def _check_keys(

@@ -421,8 +421,8 @@ class Compiler:
     @property
     def described(self) -> str:
         """Version, command and processor in a line."""
-        known = f"; {', '.join(self.features)}" if self.features else ""
-        return f"{self.version}: {self.words}{known}"
+        features = f"; {', '.join(self.features)}" if self.features else ""
+        return f"{self.version}: {self.words}{features}"
 
 
 # The compiler of this machine ---------------------------------------------------------------------
@@ -636,9 +636,9 @@ def _library(
         written = assembly(source, by) if check else ""
         if check:
             check(written)
-        made = _compiled(source, by, "-shared", written)
+        binary = _compiled(source, by, "-shared", written)
     try:
-        loaded = _loaded(made)
+        loaded = _loaded(binary)
     except OSError as error:
         raise TraceError(
             f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
@@ -647,17 +647,17 @@ def _library(
         ) from error
     if cache is not None:
         with suppress(OSError):
-            cache.keep(key, ENDING, made)
-    return loaded, made
+            cache.keep(key, ENDING, binary)
+    return loaded, binary
 
 
-def _loaded(made: bytes) -> ctypes.CDLL:
-    with as_file(made) as path:
+def _loaded(binary: bytes) -> ctypes.CDLL:
+    with as_file(binary) as path:
         return ctypes.CDLL(str(path))
 
 
 @contextmanager
-def as_file(made: bytes) -> Iterator[Path]:
+def as_file(binary: bytes) -> Iterator[Path]:
     """Give a library a name, under which this process and others of the user can load it.
 
     No one can change it between its check and its use: on Linux it is in memory only.
@@ -665,11 +665,11 @@ def as_file(made: bytes) -> Iterator[Path]:
     with temporary_folder() as folder:
         path = folder / f"law{ENDING}"
         if sys.platform != "linux":
-            path.write_bytes(made)
+            path.write_bytes(binary)
             yield path
             return
         with os.fdopen(os.memfd_create("eqt"), "wb") as memory:
-            memory.write(made)
+            memory.write(binary)
             memory.flush()
             path.symlink_to(f"/proc/{os.getpid()}/fd/{memory.fileno()}")
             yield path
@@ -690,16 +690,16 @@ def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
     )
     form = ("-x", "assembler") if written else language
     with temporary_folder() as folder:
-        made = folder / f"law{ENDING}"
-        words = [*by.command, *flags, "-o", str(made), *form, "-", *linked]
+        target = folder / f"law{ENDING}"
+        words = [*by.command, *flags, "-o", str(target), *form, "-", *linked]
         answer = run(words, written or source)
-        if answer.returncode or not made.exists():
+        if answer.returncode or not target.exists():
             raise TraceError(
                 f"the C compiler {shlex.join(by.command)} cannot compile a law",
                 Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
                 lines=error_lines(answer.stderr or answer.stdout),
             )
-        return made.read_bytes()
+        return target.read_bytes()
 
 
 def language_of(source: str) -> tuple[str, ...]:

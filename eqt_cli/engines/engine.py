@@ -92,9 +92,9 @@ class Span:
 
     def until(self, t: float) -> Span:
         """Return the span cut at its last sample that is not after t."""
-        known = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
-        stop, within = float(self.grid[known]), (self.within[0], float(self.grid[known]))
-        return replace(self, stop=stop, within=within, grid=self.grid[: 1 + known], later=known)
+        samples = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
+        stop, within = float(self.grid[samples]), (self.within[0], float(self.grid[samples]))
+        return replace(self, stop=stop, within=within, grid=self.grid[: 1 + samples], later=samples)
 
 
 class ErrorsOfRuns(Protocol):
@@ -221,13 +221,13 @@ class Problem:
 @lru_cache(maxsize=8)
 def _spans(times: bytes, instants: bytes, tick: float | None, halved: bool) -> list[Span]:
     """Return the spans between ticks and instants, for sample times; see `Problem.spans`."""
-    samples, known = np.frombuffer(times), np.frombuffer(instants)
+    samples, moments = np.frombuffer(times), np.frombuffer(instants)
     start, stop = float(samples[0]), float(samples[-1])
     ticks = {} if tick is None else _control_instants(samples, tick)
-    near = known[(start - 1.0 < known) & (known < stop + 1.0)]  # of perhaps a long recording
-    known, earliest, latest = together(near, np.array([*samples, *ticks]))
-    changes = {t: ends for t, *ends in np.transpose([known, earliest, latest]).tolist()}
-    inner = distinct([t for t in (*known, *ticks) if start < t < stop])
+    near = moments[(start - 1.0 < moments) & (moments < stop + 1.0)]  # of perhaps a long recording
+    moments, earliest, latest = together(near, np.array([*samples, *ticks]))
+    changes = {t: ends for t, *ends in np.transpose([moments, earliest, latest]).tolist()}
+    inner = distinct([t for t in (*moments, *ticks) if start < t < stop])
     ends = np.array([start, *inner, stop])
     # A sample at an instant belongs to the span after it; the last one to the last span.
     first = np.append(np.searchsorted(samples, ends[:-1]), len(samples))
@@ -759,8 +759,8 @@ def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: F
     states[lost] = np.nan
     at = f"t = {failure.t:.6g} s"
     if np.isnan(failure.t):
-        known = problem.times[~lost]
-        at = f"after t = {known[-1] if len(known) else problem.times[0]:.6g} s"
+        times = problem.times[~lost]
+        at = f"after t = {times[-1] if len(times) else problem.times[0]:.6g} s"
     law = problem.loop.controller.formula if failure.status is Status.NON_FINITE else None
     undefined = law.undefined if isinstance(law, OuterLoop) else ""
     reason = "; ".join(filter(None, [failure.reason, undefined]))

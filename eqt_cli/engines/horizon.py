@@ -101,8 +101,8 @@ def reference_over_horizon(
         states = solution.states[0]
         if solution.status[0] == Status.STEP_LIMIT:
             spent = engine.max_steps
-            known = int(np.isfinite(states).all(axis=-1).sum())
-            times, states = times[:known], states[:known]
+            solved = int(np.isfinite(states).all(axis=-1).sum())
+            times, states = times[:solved], states[:solved]
             instants = instants[instants <= times[-1]]
     with np.errstate(all="ignore"):
         s = system.tracking(times, states)

@@ -545,8 +545,10 @@ class Lanes(Integrator):
         failed: dict[int, Failure | None] = {}
         if self._ends.any():
             for run in np.flatnonzero(self._ends):
-                known = 0 if was[run] else np.searchsorted(span.grid[1:], self._times[run], "right")
-                samples[run, known:] = np.nan
+                reached = (
+                    0 if was[run] else np.searchsorted(span.grid[1:], self._times[run], "right")
+                )
+                samples[run, reached:] = np.nan
                 failed[int(run)] = self._failure(run)
         return SpanResult(ended, samples, self._counts - before, failed)
 

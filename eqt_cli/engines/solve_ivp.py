@@ -79,7 +79,7 @@ def solve(
     **others: Any,
 ) -> Any:
     """Solve as `scipy.integrate.solve_ivp` does; parameters and result have its names."""
-    known, (t, stop), y, f = coefficients(), horizon, start, field(horizon[0], start)
+    tableau, (t, stop), y, f = coefficients(), horizon, start, field(horizon[0], start)
     stretches = [start[:, None]]
     times = t_eval[1:] if t_eval is not None else np.array([stop])
     scale = atol + rtol * np.abs(y)
@@ -90,11 +90,11 @@ def solve(
             return SimpleNamespace(status=-1, message="the step size is too small")
         slopes = np.zeros((16, len(y)))
         slopes[0] = f
-        for stage, row in enumerate(known["STAGES"], start=1):
-            slopes[stage] = field(t + known["c"][stage] * h, y + h * (row @ slopes))
-        after = y + h * (known["STEP"][0] @ slopes)
+        for stage, row in enumerate(tableau["STAGES"], start=1):
+            slopes[stage] = field(t + tableau["c"][stage] * h, y + h * (row @ slopes))
+        after = y + h * (tableau["STEP"][0] @ slopes)
         scale = atol + rtol * np.maximum(np.abs(y), np.abs(after))
-        fifth, third = (_rms((known[f"ERROR_{n}"][0] @ slopes) / scale) for n in (5, 3))
+        fifth, third = (_rms((tableau[f"ERROR_{n}"][0] @ slopes) / scale) for n in (5, 3))
         error = h * fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2) if fifth else 0.0
         if not error < 1:
             h *= max(SHRINK, SAFETY * error ** (-1 / 8)) if np.isfinite(error) else SHRINK
@@ -104,11 +104,11 @@ def solve(
         events(end, after)
         inside = times[(times > t) & (times <= end)]
         if inside[:-1].size or (inside != end).any():
-            for stage, row in enumerate(known["DENSE_STAGES"], start=13):
-                slopes[stage] = field(t + known["c"][stage] * h, y + h * (row @ slopes))
+            for stage, row in enumerate(tableau["DENSE_STAGES"], start=13):
+                slopes[stage] = field(t + tableau["c"][stage] * h, y + h * (row @ slopes))
             change = after - y
             parts = [change, h * f - change, 2 * change - h * (f + f_after)]
-            parts += [h * (known[f"DENSE_{n}"][0] @ slopes) for n in (3, 4, 5, 6)]
+            parts += [h * (tableau[f"DENSE_{n}"][0] @ slopes) for n in (3, 4, 5, 6)]
             x = ((inside - t) / h)[None]
             within = np.zeros((len(y), 1))
             for index, part in enumerate(reversed(parts)):
@@ -403,12 +403,12 @@ class Blocks(Integrator):
         if runs > 1:
             return SpanResult(ends, samples, steps, dict.fromkeys(range(runs)))
         # The last step is cut to end at a sample, which may cost evaluations beyond the limit.
-        known = span.until(self._accepted)
+        solved = span.until(self._accepted)
         self._longest_step, self._field = longest, TracedField(self.problem.select(self.runs))
         self.hold(span)
-        if known.later:
+        if solved.later:
             with suppress(_Failed):
-                samples[:, : known.later], _ = self._integrated(known, states, math.inf)
+                samples[:, : solved.later], _ = self._integrated(solved, states, math.inf)
         return SpanResult(ends, samples, steps, {0: failure})
 
     def _integrated(self, span: Span, states: Array, limit: float) -> tuple[Array, Array]:

@@ -75,20 +75,20 @@ def draw_box(
         Name of the box, unique in the panel.
     """
     quantiles = sample.quantiles(LEVELS)
-    known = np.isfinite(quantiles)
-    low, lower, median, upper, high = np.where(known, quantiles, end)
+    finite = np.isfinite(quantiles)
+    low, lower, median, upper, high = np.where(finite, quantiles, end)
     top, bottom = row - _HALF, row + _HALF
     solid: dict[str, Any] = {"color": colour, "linewidth": 0.8, "linestyle": "-"}
     axes.plot([low, lower, np.nan, upper, high], [row] * 5, label=f"whiskers {label}", **solid)
-    caps = np.where(known, quantiles, np.nan)[[0, -1]]
+    caps = np.where(finite, quantiles, np.nan)[[0, -1]]
     axes.plot(caps, [row, row], "|", color=colour, markersize=4, label=f"ends {label}")
-    if known[1]:
+    if finite[1]:
         tint = colour, _TINT
         axes.add_patch(Rectangle((lower, top), upper - lower, 2 * _HALF, facecolor=tint))
         corners = [(upper, bottom), (lower, bottom), (lower, top), (upper, top)]
-        outline = corners + corners[:1] if known[3] else corners
+        outline = corners + corners[:1] if finite[3] else corners
         axes.plot(*zip(*outline, strict=True), label=f"quartiles {label}", **solid)
-    if known[2]:
+    if finite[2]:
         axes.plot([median] * 2, [top, bottom], label=f"median {label}", color=ink(), **_MEDIAN)
     if sample.values.size <= MOST_POINTS:
         seen = np.where(np.isfinite(sample.values), sample.values, np.nan)
@@ -388,11 +388,11 @@ def _draw_differences(
 ) -> None:
     mean, low, high = differences.T
     panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
-    known = np.isfinite(low) & np.isfinite(high)
-    ends = np.array([mean - low, high - mean])[:, known]
+    finite = np.isfinite(low) & np.isfinite(high)
+    ends = np.array([mean - low, high - mean])[:, finite]
     bars: Settings = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
-    if known.any():
-        panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
+    if finite.any():
+        panel.errorbar(mean[finite], rows[finite], xerr=ends, label=f"{name}, intervals", **bars)
     look: Settings = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
     hollow = look | {"markerfacecolor": ink(0)}
     for some, which, style in ((decided, "decided", look), (~decided, "undecided", hollow)):

@@ -595,7 +595,7 @@ class Panelled:
 
     panels: Sequence[str] = ()
 
-    def picked(self, known: Sequence[str]) -> list[str]:
+    def picked(self, names: Sequence[str]) -> list[str]:
         """Return the names of the panels to draw, in their order.
 
         Raises
@@ -603,13 +603,13 @@ class Panelled:
         EqtError
             If there is no panel of a chosen name.
         """
-        plain = {panel.translate(_TYPED): panel for panel in known}
+        plain = {panel.translate(_TYPED): panel for panel in names}
         wanted = [plain.get(panel.translate(_TYPED), "") for panel in self.panels]
         for panel, chosen in zip(self.panels, wanted, strict=True):
             if not chosen:
                 hint = suggestion(panel, list(plain)) or f"; there are: {', '.join(plain)}"
                 raise EqtError(f"figure '{self.name}': panels: no panel '{panel}'{hint}")
-        return [panel for panel in known if not wanted or panel in wanted]
+        return [panel for panel in names if not wanted or panel in wanted]
 
 
 @dataclass(frozen=True)

@@ -355,10 +355,10 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     return figure
 
 
-def one_of(what: str, name: str, known: Sequence[Choice]) -> Choice:
+def one_of(what: str, name: str, words: Sequence[Choice]) -> Choice:
     """Return the given word if it is known; else raise an error."""
-    for word in known:
+    for word in words:
         if word == name:
             return word
-    hint = suggestion(name, known) or ";"
-    raise EqtError(f"unknown {what} '{name}'{hint} known: {', '.join(known)}")
+    hint = suggestion(name, words) or ";"
+    raise EqtError(f"unknown {what} '{name}'{hint} known: {', '.join(words)}")

@@ -143,12 +143,12 @@ def law_program(
         lengths = outputs(law, G).items()
         more = {name: length for name, length in lengths if name not in law.memory(G)}
         further = _numbers_of_law(law, more)
-    units, known = (
+    units, head = (
         {argument.source: argument.unit for argument in entries},
         MISSING if adapter else INPUT,
     )
     reads = tuple(adapter.entries(G, units)) if adapter else entries
-    groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
+    groups = sizes({head: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
 
     def symbols(inputs: Arrays) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
         """Return the loop with symbols for the law's numbers, its input, and its memory."""
@@ -157,7 +157,7 @@ def law_program(
         def one(prefix: str, entry: Entry) -> Array:
             return inputs[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-        law_input = LawInput(**{entry.source: one(known, entry) for entry in entries})
+        law_input = LawInput(**{entry.source: one(head, entry) for entry in entries})
         if adapter:
             law_input = adapter.read(
                 G, law_input, {entry.name: one(INPUT, entry) for entry in reads}
@@ -193,7 +193,7 @@ def law_program(
     programs += [traced(output, groups)] if further else []
     read = {value.group for law in programs for value in law.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
-    spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}
+    spare = {head + name for name in units if adapter or (flat and name.startswith("desired_"))}
     unused = (spare | {NUMBER + entry.name for entry in numbers[:-1]}) - read
     used = tuple(entry for entry in numbers if NUMBER + entry.name not in unused)
     reads = tuple(entry for entry in reads if INPUT + entry.name not in unused)

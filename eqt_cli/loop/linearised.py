@@ -72,8 +72,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     assert isinstance(law, Designed)
     clock, forces = loop.vehicle.control, law.known_forces
     actuators = tuple(map(nominal, loop.vehicle.actuators))
-    known = Vehicle(forces=forces, actuators=actuators, control=clock)
-    linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
+    vehicle = Vehicle(forces=forces, actuators=actuators, control=clock)
+    linear = linearised(dataclasses.replace(loop, vehicle=vehicle), times, poses, velocities)
     if not np.isfinite(linear.closed).all():
         raise InputError(
             "the loop has no derivative about its reference, so that it has no regulator"
@@ -251,8 +251,8 @@ class Linearised:
         }
         loop = with_leaves(self.about.loop, scaled)
         # Motion and measurements of a sampled loop do not depend on gains.
-        known = () if self.period is None else ("_flow", "held", "_measurements")
-        computed = {name: getattr(self.about, name) for name in known}
+        names = () if self.period is None else ("_flow", "held", "_measurements")
+        computed = {name: getattr(self.about, name) for name in names}
         linear = with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
         effect = factors.get("effectiveness", 1.0)
         phases = tuple(phase._replace(B=effect * phase.B) for phase in linear.phases)
@@ -439,14 +439,14 @@ class _About:
         """Return the chart with an estimator that has settled at the base states."""
         vehicle = dataclasses.replace(self.loop.vehicle, estimator=estimator)
         loop = dataclasses.replace(self.loop, vehicle=vehicle)
-        layout, known = loop.layout, self.loop.layout.split(self.states)
+        layout, by_name = loop.layout, self.loop.layout.split(self.states)
         like = np.empty((*self.states.shape[:-1], layout.length))
-        states = layout.join(dict.fromkeys(layout.lengths, 0.0) | known, like)
+        states = layout.join(dict.fromkeys(layout.lengths, 0.0) | by_name, like)
         states = loop.measured(self.times, states, _at_instant(loop, None))
         pose, none = loop.group.pack(self.poses), np.zeros(())
         there = {name: pose for name in layout.lengths if name in _POSES}
         there |= {name: none for name in layout.lengths if name in (_BIAS, _BEHIND_BIAS)}
-        states = layout.join(layout.split(states) | known | there, like)
+        states = layout.join(layout.split(states) | by_name | there, like)
         begun = dataclasses.replace(self, loop=loop, states=states)
         cycle, is_settled = _settled(_Begun.of(begun))
         bases = tuple(layout.join({**layout.split(states), **base}, like) for base in cycle)
@@ -744,8 +744,8 @@ class _Begun:
         parts = loop.vehicle, loop.inertia
         numbers = [leaf.tobytes() for part in parts for leaf in leaves(part).values()]
         states = [about.times, about.poses, *_measured_by(loop, about.states).values()]
-        known = loop.group, repr(loop.reference), about.instants, *map(structure, parts)
-        return cls((*known, *numbers, *(state.tobytes() for state in states)), about)
+        key = loop.group, repr(loop.reference), about.instants, *map(structure, parts)
+        return cls((*key, *numbers, *(state.tobytes() for state in states)), about)
 
 
 @lru_cache(maxsize=1)

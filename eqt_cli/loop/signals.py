@@ -317,8 +317,8 @@ def of_innovations(s: Tracking) -> tuple[Array, Array, Array]:
     count, squares, products = (sums[..., k] for k in range(3))
     some = less(0.5, count)
     mean = where(some, squares / where(some, count, 1.0), np.nan)
-    known = less(0.0, squares)
-    return count, mean, where(known, products / where(known, squares, 1.0), np.nan)
+    positive = less(0.0, squares)
+    return count, mean, where(positive, products / where(positive, squares, 1.0), np.nan)
 
 
 def _covariance(s: Tracking) -> Array:
@@ -554,10 +554,10 @@ class Metric(Component):
 
     def unknown(self, loops: Collection[ClosedLoop]) -> str:
         """Return what it reads that no loop has, in words; "" if there is nothing."""
-        known = sorted({name for loop in loops for name in (*existing(loop), *outputs_of(loop))})
+        names = sorted({name for loop in loops for name in (*existing(loop), *outputs_of(loop))})
         for name in self.signals:
-            if name not in known:
-                hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+            if name not in names:
+                hint = suggestion(name, names) or f"; there are: {', '.join(names)}"
                 return f"metric {self.name} reads '{name}', but no loop has it{hint}"
         return ""
 

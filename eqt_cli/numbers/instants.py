@@ -373,12 +373,12 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
     what = node.what
     if node.is_variable:
         return (0.0, 1.0) if what == "t" else None
-    known = [operand for operand in operands if operand is not None]
-    if len(known) < len(operands):
+    terms = [operand for operand in operands if operand is not None]
+    if len(terms) < len(operands):
         return None
-    if all(slope == 0 for _, slope in known):
-        return combined(node, tuple(value for value, _ in known)), 0.0
-    (p, q), (r, s) = known[0], known[-1]
+    if all(slope == 0 for _, slope in terms):
+        return combined(node, tuple(value for value, _ in terms)), 0.0
+    (p, q), (r, s) = terms[0], terms[-1]
     if what == "neg":
         return -p, -q
     if what == "+":
@@ -429,8 +429,8 @@ def bounds_of_integral(expression: Expression, until: float) -> tuple[float, flo
         # ∫ (f(m) + r (t − m)) with a rate r between bounds, or f between bounds
         spread = np.fmin((value.high - value.low) / 2, (rate.high - rate.low) * length / 8) * length
         total, error, size = ((middle * length).sum(), spread.sum(), np.abs(middle * length).sum())
-    known = len(low) and np.isfinite([total, error, size]).all()
-    return (float(total - error), float(total + error), float(size)) if known else None
+    is_bounded = len(low) and np.isfinite([total, error, size]).all()
+    return (float(total - error), float(total + error), float(size)) if is_bounded else None
 
 
 def _smooth_parts(

@@ -332,8 +332,8 @@ def _scaled(c: Any, factor: float) -> Any:
 
 def _convolved(a: Sequence[Any], b: Sequence[Any], k: int, matrices: bool = False) -> Any:
     """Return Σ a_j b_{k−j}; a may be shorter than b."""
-    known = [(a[j], b[k - j]) for j in range(min(k + 1, len(a)))]
-    pairs = [pair for pair in known if pair[0] is not None and pair[1] is not None]
+    terms = [(a[j], b[k - j]) for j in range(min(k + 1, len(a)))]
+    pairs = [pair for pair in terms if pair[0] is not None and pair[1] is not None]
     return reduce(_sum, [x @ y if matrices else x * y for x, y in pairs], None)
 
 

@@ -261,8 +261,8 @@ class Memory:
 
     def column(self, values: Array) -> Any:
         """Return the symbol of a number that belongs to each sample."""
-        for place, known in enumerate(self.columns):
-            if np.array_equal(known, values):
+        for place, other in enumerate(self.columns):
+            if np.array_equal(other, values):
                 return self._at_sample[place]
         self.columns.append(np.asarray(values, dtype=float))
         return self._at_sample[len(self.columns) - 1]

@@ -56,6 +56,6 @@ def frame(result: Result, names: Sequence[str] | None = None) -> pandas.DataFram
         If pandas is not installed, or there is no such metric.
     """
     table = pandas_frame(columns(result, names))
-    known = result.comparable if names is None else names
-    table.attrs["units"] = {name: result.units(name) for name in known}
+    wanted = result.comparable if names is None else names
+    table.attrs["units"] = {name: result.units(name) for name in wanted}
     return table

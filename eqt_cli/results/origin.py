@@ -55,9 +55,9 @@ def check_coordinates(result: KnownResult) -> None:
             raise result.refusal("its controllers have no labels")
         if len(set(labels)) < len(labels):
             raise result.refusal("two of its controllers have one label")
-        known = result.described
-        listed = known.unclaimed + known.not_matched + known.without_forces
-        for label in (*known.functions, *listed, *known.small_errors):
+        described = result.described
+        listed = described.unclaimed + described.not_matched + described.without_forces
+        for label in (*described.functions, *listed, *described.small_errors):
             if label not in labels:
                 text = f"its attribute 'experiment' names '{label}', which is not a controller"
                 raise result.refusal(text)

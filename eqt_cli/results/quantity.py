@@ -294,18 +294,18 @@ class Measure(Quantity):
 
         Values that no configuration accepts are ignored.
         """
-        known = {
+        choices = {
             name: float(values[name])
             for name in self.choices
             if isinstance(values.get(name), int | float | np.number) and 0 < values[name] < np.inf
         }
-        return replace(self, **self.chosen(**known)) if known else self
+        return replace(self, **self.chosen(**choices)) if choices else self
 
     @property
     def windowed(self) -> bool:
         """Whether it can be taken over any window, not only over its own."""
-        known = all(signal_of(name) for name in self.signals)
-        return self.of is not None and known and not self._has_own_window and not self.settings
+        is_stored = all(signal_of(name) for name in self.signals)
+        return self.of is not None and is_stored and not self._has_own_window and not self.settings
 
     @property
     def _has_own_window(self) -> bool:
@@ -506,10 +506,12 @@ def in_one_form(half_width: float, *values: float) -> list[str]:
     """
     largest = max((abs(x) for x in values if math.isfinite(x)), default=0.0)
     largest *= largest >= NOTHING
-    known = math.isfinite(half_width) and half_width > 0
-    if not (known or largest):
+    has_interval = math.isfinite(half_width) and half_width > 0
+    if not (has_interval or largest):
         return [fixed(x, 3) for x in values]
-    digits = (1 if known else 2) - math.floor(math.log10(half_width if known else largest))
+    digits = (1 if has_interval else 2) - math.floor(
+        math.log10(half_width if has_interval else largest)
+    )
     if DECIMAL[0] <= largest < DECIMAL[1]:
         return [fixed(x, min(12, max(0, digits))) for x in values]
     texts = []

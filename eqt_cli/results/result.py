@@ -318,17 +318,17 @@ class Result(KnownResult):
             return view
         from eqt_cli.base.units import in_wished, offered, size_of
 
-        known = {name: super(Result, self).units(name) for name in self.names}
-        known |= {name: self.unit_of(quantity) for name, quantity in self.comparable.items()}
+        unit_of = {name: super(Result, self).units(name) for name in self.names}
+        unit_of |= {name: self.unit_of(quantity) for name, quantity in self.comparable.items()}
         for name, wish in view._wished:
             if size_of(wish) is None:
                 raise EqtError(f"unit '{wish}': unknown; write for example mN m, deg/s or arcsec")
-            if name and name not in known:
-                raise EqtError(f"unit of '{name}': no such quantity{suggestion(name, known)}")
-            if name and in_wished(known[name], wish) is None:
-                raise EqtError(f"unit of '{name}': expected {offered(known[name])}, got '{wish}'")
-            if not any(in_wished(unit, wish) for unit in known.values()):
-                units = ", ".join(dict.fromkeys(u for u in known.values() if u not in ("", "1")))
+            if name and name not in unit_of:
+                raise EqtError(f"unit of '{name}': no such quantity{suggestion(name, unit_of)}")
+            if name and in_wished(unit_of[name], wish) is None:
+                raise EqtError(f"unit of '{name}': expected {offered(unit_of[name])}, got '{wish}'")
+            if not any(in_wished(unit, wish) for unit in unit_of.values()):
+                units = ", ".join(dict.fromkeys(u for u in unit_of.values() if u not in ("", "1")))
                 raise EqtError(f"unit '{wish}': nothing here has its dimension; there are: {units}")
         return view
 
@@ -500,9 +500,9 @@ class Result(KnownResult):
         """
         if name in self.comparable:
             return self.comparable[name]
-        known = QUANTITIES.get(name)
-        if known is not None and known.per is ValuePer.RUN and known.of is not None:
-            raise _not_stored(self, known)
+        quantity = QUANTITIES.get(name)
+        if quantity is not None and quantity.per is ValuePer.RUN and quantity.of is not None:
+            raise _not_stored(self, quantity)
         hint = suggestion(name, self.comparable)
         raise EqtError(
             f"unknown metric '{name}'{hint}"
@@ -512,11 +512,13 @@ class Result(KnownResult):
 
 def by_parts(result: Result, name: str) -> list[Measure]:
     """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
-    known = result.comparable
-    if name not in known:
-        return [known[at] for at in known if at.startswith(f"{name}_")]
-    parts = _parts_of(result, known[name])
-    return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
+    quantities = result.comparable
+    if name not in quantities:
+        return [quantities[at] for at in quantities if at.startswith(f"{name}_")]
+    parts = _parts_of(result, quantities[name])
+    return [quantities[at] for part in parts if (at := f"{name}_{part}") in quantities] or [
+        quantities[name]
+    ]
 
 
 def window_of(result: Result) -> Window:
@@ -571,8 +573,8 @@ def _sampling(result: Result, quantity: Measure, window: Window, of_all: int) ->
 
     changes = np.abs(values(1) - values(2)).reshape(len(result.labels), -1)
     error = mean_over_runs(changes) / (1 if hold else 3)
-    known = np.isfinite(error)
-    return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
+    finite = np.isfinite(error)
+    return float(np.max(error, where=finite, initial=0.0)) if finite.any() else math.nan, missed
 
 
 def _metrics_like(result: Result, quantity: Measure) -> list[Measure]:

@@ -116,10 +116,10 @@ def check_metrics(result: Result, names: Sequence[str], who: str) -> None:
     EqtError
         With the existing names.
     """
-    known = result.metrics
+    metrics = result.metrics
     for name in names:
-        if name not in known:
-            hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+        if name not in metrics:
+            hint = suggestion(name, metrics) or f"; there are: {', '.join(metrics)}"
             raise result.error(f"{who} finds no metric '{name}'{hint}")
 
 

@@ -290,9 +290,9 @@ def kind_of(experiment: Experiment, label: str) -> Hashable:
     loop, config = experiment.loops[label], experiment.config
     parts = [structure(x) for x in (loop.inertia, loop.gains, loop.vehicle, *loop.known_forces)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
-    known = json.dumps([experiment.solver.resolved, judged, config.failed_when])
+    settings = json.dumps([experiment.solver.resolved, judged, config.failed_when])
     placing = _placing(experiment.start.poses)
-    return (*parts, loop.controller.structure, repr(loop.reference), known, placing)
+    return (*parts, loop.controller.structure, repr(loop.reference), settings, placing)
 
 
 # Solves a few runs of each controller again by another method, and compares the states ------------

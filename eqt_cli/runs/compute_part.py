@@ -447,8 +447,8 @@ def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Nu
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
     formulas = ((type(own_metric).__module__, repr(own_metric)) for own_metric in own_metrics)
     windows = sorted({repr(metric.window) for metric in metrics})
-    known = (K.tobytes(), balanced, first, *held.items(), *formulas, *windows)
-    key = tuple(m.name for m in metrics), tuple(values.items()), known
+    fixed = (K.tobytes(), balanced, first, *held.items(), *formulas, *windows)
+    key = tuple(m.name for m in metrics), tuple(values.items()), fixed
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()

@@ -30,11 +30,11 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     forces = [x for key in ("model", "plant") for x in (config.get(key) or {}).get("forces") or ()]
     ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
     # None is along the last axis.
-    known = [up for up in ups if isinstance(up, list) and {*map(type, up)} <= {int, float}]
+    directions = [up for up in ups if isinstance(up, list) and {*map(type, up)} <= {int, float}]
     window = config.get("measure") or {}
     return {
         "window": (window.get("start") or 0.0, window.get("stop")),
-        "down": any(up[-1] == -max(map(abs, up)) < 0 for up in known),
+        "down": any(up[-1] == -max(map(abs, up)) < 0 for up in directions),
         "kinds": {entry["label"]: entry["kind"] for entry in config.get("controllers") or ()},
         "inner": _inner(config),
         "rtol": rtol if isinstance(rtol, float) else None,

@@ -434,8 +434,8 @@ def _unit_of(
     """Return the unit of a signal, or of one in a part, or of a number of a law."""
     if signal := formulas.get(name):
         return signal.units(G)
-    if known := signal_of(name):
-        signal = formulas[known.name]
+    if quantity := signal_of(name):
+        signal = formulas[quantity.name]
         part = next(
             pose_part for pose_part in signal.parts(G) if name == f"{signal.name}_{pose_part.name}"
         )

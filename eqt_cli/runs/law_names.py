@@ -37,7 +37,7 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
         return None
     base, G = study.base, study.base.group
     laws = [kind() for kind in controllers.all() if not option_names(kind)]
-    known = {_identity(law): law.name for law in reversed(laws)}
+    name_of = {_identity(law): law.name for law in reversed(laws)}
     torques: dict[str, Array] = {}
     swept = [loop.controller for loop in base.loops.values()]
     if len(keys) == len(sweep.sets) and all(gains_group(law, G) is G for law in swept):
@@ -56,9 +56,9 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
                 }
             law: Controller = Kind(controllers).read(entry, Problems())
             identity = _identity(law)
-            if identity not in known:
-                known[identity] = _law_of_torque(law, base, torques)
-            names[point, index] = known[identity]
+            if identity not in name_of:
+                name_of[identity] = _law_of_torque(law, base, torques)
+            names[point, index] = name_of[identity]
     return names
 
 

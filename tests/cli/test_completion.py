@@ -25,9 +25,9 @@ def caches(tmp_path, monkeypatch):
     folder = tmp_path / "caches"
     folder.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
-    completion._known.cache_clear()
+    completion._completions.cache_clear()
     yield folder
-    completion._known.cache_clear()
+    completion._completions.cache_clear()
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_words_are_what_is_accepted(complete):
 
 
 def test_nothing_heavy_is_loaded_a_second_time(caches):
-    completion._known()
+    completion._completions()
     code = (
         "import sys\nfrom eqt_cli.cli import completion\n"
         "assert completion.keys('') and completion.words('figures', '')\n"
@@ -110,12 +110,12 @@ def test_what_was_kept_of_another_state_is_found_anew(caches, kept):
 
 @pytest.mark.parametrize(("key", "value"), [("names", None), ("keys", [1]), ("keys", {"a": 1})])
 def test_what_was_kept_and_then_damaged_is_found_anew(caches, key, value):
-    whole = completion._known()
+    whole = completion._completions()
     path = caches / "eqt" / "completion.json"
     kept = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(kept | {key: value}), encoding="utf-8")
-    completion._known.cache_clear()
-    assert {**completion._known()} == whole
+    completion._completions.cache_clear()
+    assert {**completion._completions()} == whole
 
 
 def test_a_place_that_cannot_be_written_does_not_disturb(caches):

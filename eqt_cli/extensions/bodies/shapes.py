@@ -78,14 +78,14 @@ def rotors(result: Result) -> Array:
     The farthest is at distance 1. A vehicle that pushes along one axis only, and whose rotors are
     not known, has four of them.
     """
-    known = np.array(result.described.thrusters, float).reshape(-1, 2, 3)
-    if not len(known) and result.has("attitude_command_error"):
+    mounts = np.array(result.described.thrusters, float).reshape(-1, 2, 3)
+    if not len(mounts) and result.has("attitude_command_error"):
         corners = [(x, y, 0) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
-        known = np.array([(corner, (0, 0, 1)) for corner in corners], float)
-    along = known[:, 1] / np.linalg.norm(known[:, 1:], axis=-1).reshape(-1, 1)
-    if len(known) < 3 or abs(along @ along[0]).min() < 0.99:  # thrusters that push in several ways
+        mounts = np.array([(corner, (0, 0, 1)) for corner in corners], float)
+    along = mounts[:, 1] / np.linalg.norm(mounts[:, 1:], axis=-1).reshape(-1, 1)
+    if len(mounts) < 3 or abs(along @ along[0]).min() < 0.99:  # thrusters that push in several ways
         return np.empty((0, 2, 3))
-    return np.stack([known[:, 0] / np.linalg.norm(known[:, 0], axis=-1).max(), along], axis=1)
+    return np.stack([mounts[:, 0] / np.linalg.norm(mounts[:, 0], axis=-1).max(), along], axis=1)
 
 
 def outline(result: Result) -> list[Array]:

@@ -360,8 +360,8 @@ def _stays(squares: dict[tuple[str, str], Array]) -> Iterator[Row]:
 def _error_of(base: Study, wished: str) -> str:
     """Return the wished error, or the first one that the loops have."""
     loop = base.base.loop
-    known = existing(loop)
-    present = [name for name in ERRORS if name in known and known[name][0].exists_for(loop)]
+    signals = existing(loop)
+    present = [name for name in ERRORS if name in signals and signals[name][0].exists_for(loop)]
     if not present:
         raise EqtError(f"{base.name}: has none of the errors {', '.join(ERRORS)}")
     if wished and wished not in present:

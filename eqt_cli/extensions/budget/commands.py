@@ -65,23 +65,23 @@ def budget(
     study = options.study_at(document, point, "computed without")
     setup = options.Setup(engine=engine, workers=workers, executor=executor)
     chosen = run.executor_from(study, setup)
-    made = budget_of(study, chosen, error=error, window=over, shares=shares)
-    say = BudgetInWords(made)
+    answer = budget_of(study, chosen, error=error, window=over, shares=shares)
+    say = BudgetInWords(answer)
     if figure:
         from eqt_cli.extensions.budget.figures import draw
 
         draw(say, figure)
     if json:
-        output.print_json({"path": str(config), **made.record()})
+        output.print_json({"path": str(config), **answer.record()})
     elif format is TableFormat.CSV:
-        output.print_verbatim(as_csv(made.records()))
+        output.print_verbatim(as_csv(answer.records()))
     elif format is TableFormat.LATEX:
-        of_laws = (as_latex(in_latex(say.sources(law))) for law in made.laws)
+        of_laws = (as_latex(in_latex(say.sources(law))) for law in answer.laws)
         output.print_verbatim("\n\n".join(of_laws))
     elif quiet:
-        output.print_verbatim("\n".join(line for law in made.laws for line in say.answer(law)))
+        output.print_verbatim("\n".join(line for law in answer.laws for line in say.answer(law)))
     else:
-        for number, law in enumerate(made.laws):
+        for number, law in enumerate(answer.laws):
             blank = [""] if number else []
             sources, quantiles = map(output.laid_out, (say.sources(law), say.quantiles(law)))
             output.print_text(*blank, *say.answer(law), "", sources, "", quantiles)

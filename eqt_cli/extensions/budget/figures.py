@@ -28,13 +28,13 @@ def draw(said: BudgetInWords, path: Path) -> None:
         For another kind of file, or one that cannot be written.
     """
     format = format_of(path)
-    made = said.budget
+    budget = said.budget
     unit, scale = said.unit, said.scale
     with house_style():
-        rows = max(len(law.rows) for law in made.laws) + 1
-        names = [[law.label] for law in made.laws]
+        rows = max(len(law.rows) for law in budget.laws) + 1
+        names = [[law.label] for law in budget.laws]
         drawing, panels = blank_sheet("page", names, _ROW * rows + 0.5)
-        for k, law in enumerate(made.laws):
+        for k, law in enumerate(budget.laws):
             axes, shown = panels[law.label], law.rows
             look = line_style(k)
             places = np.arange(len(shown))
@@ -54,8 +54,8 @@ def draw(said: BudgetInWords, path: Path) -> None:
             words = [f"{row.source.words}  {row.source.key}".rstrip() for row in shown]
             axes.set_yticks(places, [free_text(text, 60) for text in words])
             axes.set_ylim(len(shown) - 0.5, -0.5)
-            axes.set_xlabel(f"root mean square of the {WORDS[made.error]} ({unit})")
-            if len(made.laws) > 1:
+            axes.set_xlabel(f"root mean square of the {WORDS[budget.error]} ({unit})")
+            if len(budget.laws) > 1:
                 axes.set_title(free_text(law.title, 40))
         handles = [
             Patch(color=line_style(0)["color"], alpha=0.5),
@@ -64,5 +64,5 @@ def draw(said: BudgetInWords, path: Path) -> None:
         ]
         add_legend(drawing, handles, ["alone", "goes if it is left out", "all sources"])
         freeze(drawing)
-        content = encode(drawing, format, f"Error budget of {made.name}")
+        content = encode(drawing, format, f"Error budget of {budget.name}")
     write_all({path: content}, path.parent)

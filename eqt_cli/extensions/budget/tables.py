@@ -28,11 +28,11 @@ _FINER = {"deg": (("arcsec", 0.03), ("deg", np.inf)), "m": (("mm", 0.1), ("m", n
 class BudgetInWords:
     """Writes the numbers of a budget in a unit in which they are not small."""
 
-    def __init__(self, made: Budget) -> None:
-        self.budget = made
-        largest = max(law.total.value for law in made.laws)
-        self.unit = next(unit for unit, most in _FINER[made.unit] if largest < most)
-        self.scale = factor(made.unit, self.unit) or 1.0
+    def __init__(self, budget: Budget) -> None:
+        self.budget = budget
+        largest = max(law.total.value for law in budget.laws)
+        self.unit = next(unit for unit, most in _FINER[budget.unit] if largest < most)
+        self.scale = factor(budget.unit, self.unit) or 1.0
         largest *= self.scale
         self.digits = max(0, 3 - math.floor(math.log10(largest))) if largest else 0
 
@@ -48,10 +48,10 @@ class BudgetInWords:
 
     def answer(self, law: LawBudget) -> Iterator[str]:
         """Yield what a law's budget says, in sentences."""
-        made = self.budget
+        budget = self.budget
         yield (
-            f"{law.title}: {WORDS[made.error]} {self.interval(law.total)} {self.unit} rms "
-            f"{over_window(made.window)}, {count_of(law.runs, 'run')}"
+            f"{law.title}: {WORDS[budget.error]} {self.interval(law.total)} {self.unit} rms "
+            f"{over_window(budget.window)}, {count_of(law.runs, 'run')}"
             + (f" ({law.failed} left out, which fail in some variant)" if law.failed else "")
         )
         first = max(law.rows, key=lambda row: row.alone.value)

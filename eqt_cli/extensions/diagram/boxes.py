@@ -218,7 +218,7 @@ def boxes_of(block: Block, loop: Loop) -> list[Box]:
 def _law(block: Law, loop: Loop) -> list[Box]:
     law, gives = loop.loop.controller, _command(loop)
     boxes = _boxes_of_law(law, "law", loop)
-    taken = tuple(f"takes off {name.replace('_', ' ')}" for name in _known(loop))
+    taken = tuple(f"takes off {name.replace('_', ' ')}" for name in _forces_in_law(loop))
     boxes[0] = dataclasses.replace(boxes[0], lines=(*boxes[0].lines, *taken))
     more = []
     memory = law.memory(loop.loop.group)
@@ -231,10 +231,10 @@ def _law(block: Law, loop: Loop) -> list[Box]:
     return [dataclasses.replace(box, blocks=(block.name,)) for box in boxes]
 
 
-def _known(loop: Loop) -> list[str]:
+def _forces_in_law(loop: Loop) -> list[str]:
     """Return the names of the forces that the law takes off; a cascade does so by itself."""
     forces = [*loop.loop.known_forces]
-    for name in ("known", "across"):
+    for name in ("known_forces", "across"):
         taken = getattr(loop.loop.controller, name, ())  # of a plugin, it may be anything
         forces += [x for x in taken if isinstance(x, Force)] if isinstance(taken, tuple) else []
     return [*dict.fromkeys(force.name for force in forces)]
@@ -342,11 +342,11 @@ def _burning(block: Burning, loop: Loop) -> list[Box]:
 
 @boxes_of.register
 def _forces(block: Forces, loop: Loop) -> list[Box]:
-    known, boxes = _known(loop), []
+    names, boxes = _forces_in_law(loop), []
     for k, force in enumerate(loop.loop.vehicle.forces):
         place = f"{FORCES}[{k}]"
         lines = loop.options(place, force)
-        lines += ["the law knows such a force"] if force.name in known else []
+        lines += ["the law knows such a force"] if force.name in names else []
         boxes.append(Box(place, force.name.replace("_", " "), tuple(lines), beside=True))
     if not boxes:
         boxes = [Box(FORCES, "no disturbance", is_ideal=True, beside=True)]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from eqt_cli.extensions.failures.finding import BadRuns, Finding, Known, of_result
+from eqt_cli.extensions.failures.finding import BadRuns, Candidate, Finding, of_result
 from eqt_cli.extensions.failures.views import answer
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import free_text, in_words
@@ -94,17 +94,19 @@ class Failures(Figure[ShownFailures]):
         characters: int,
     ) -> None:
         """Draw the runs of a law."""
-        known = {row.known.name: row.known for row in rows}
+        candidates = {row.candidate.name: row.candidate for row in rows}
         for option, name in (("x", self.x), ("y", self.y)):
-            if name and name not in known:
-                raise shown.error(f"{option}: no number '{name}'; there are: {', '.join(known)}")
+            if name and name not in candidates:
+                raise shown.error(
+                    f"{option}: no number '{name}'; there are: {', '.join(candidates)}"
+                )
         wanted = [name for name in (self.x, self.y) if name]
-        free = (name for name in known if name not in wanted)
+        free = (name for name in candidates if name not in wanted)
         names = [self.x or next(free, ""), self.y or next(free, "")]
-        axes = [known[name] for name in names if name]
+        axes = [candidates[name] for name in names if name]
         first = axes[0]
         # One number alone is drawn over the number of the run.
-        second = axes[1] if len(axes) > 1 else Known("run", "1", shown.results[0]["run"])
+        second = axes[1] if len(axes) > 1 else Candidate("run", "1", shown.results[0]["run"])
         colour = line_style(ensemble.look)["color"]
         for runs, mark, tint, size in ((law.others, ".", ink(0.35), 3), (law.bad, "x", colour, 4)):
             panel.plot(
@@ -115,7 +117,7 @@ class Failures(Figure[ShownFailures]):
                 markersize=size,
                 label=f"{ensemble.label}, {'bad runs' if mark == 'x' else 'others'}",
             )
-        row = next(row for row in rows if row.known is first)
+        row = next(row for row in rows if row.candidate is first)
         if row.telling and row.way in ("high", "low"):
             name = f"{ensemble.label}, cut"
             panel.axvline(row.cut, linestyle=":", color=colour, linewidth=1, label=name)
@@ -126,12 +128,12 @@ class Failures(Figure[ShownFailures]):
         open_frame(panel)
 
 
-def _label(known: Known, characters: int) -> str:
-    words = free_text(known.name, characters)
-    if known.unit in ("", "1"):
+def _label(candidate: Candidate, characters: int) -> str:
+    words = free_text(candidate.name, characters)
+    if candidate.unit in ("", "1"):
         return words
-    label = in_words(words, known.unit)
-    is_long = len(words.split("\n")[-1]) + len(known.unit) + 3 > characters
+    label = in_words(words, candidate.unit)
+    is_long = len(words.split("\n")[-1]) + len(candidate.unit) + 3 > characters
     return label.replace(" $(", "\n$(") if is_long else label
 
 

@@ -34,7 +34,7 @@ NOT_OF_THE_LAW = (Status.BY_ROUNDING, Status.WORKER_LOST)
 
 
 @dataclass(frozen=True)
-class Known:
+class Candidate:
     """A number that is known of each run before it begins.
 
     Attributes
@@ -93,7 +93,7 @@ class Finding:
 
     Attributes
     ----------
-    known
+    candidate
         The number.
     way
         Where the bad runs lie: `high`, `low`, `at both ends` or `in the middle`.
@@ -108,7 +108,7 @@ class Finding:
         Number of bad runs and of all runs on the side of the bad ones, and on the other.
     """
 
-    known: Known
+    candidate: Candidate
     way: str
     p_value: float
     share: float
@@ -122,17 +122,19 @@ class Finding:
         return self.p_value <= LEVEL
 
 
-def known_before(result: Result) -> list[Known]:
+def known_before(result: Result) -> list[Candidate]:
     """Return the drawn numbers and the starts of all runs of a single experiment."""
     numbers = [
-        Known(result.long_name(name).removesuffix(SUFFIX), result.units(name) or "1", result[name])
+        Candidate(
+            result.long_name(name).removesuffix(SUFFIX), result.units(name) or "1", result[name]
+        )
         for name in result.names
         if name.startswith(PREFIX)
     ]
     return [number for number in (*numbers, *_starts(result)) if number.differs]
 
 
-def _starts(result: Result) -> list[Known]:
+def _starts(result: Result) -> list[Candidate]:
     """Return sizes and coordinates of the errors of pose and velocity at the start."""
     needed = ("initial_pose", "initial_velocity", "desired_pose", "desired_velocity")
     if not all(map(result.has, needed)):
@@ -140,7 +142,7 @@ def _starts(result: Result) -> list[Known]:
     Q, V, Qd, Vd = (result[name] for name in needed)
     G = group_named(result.group_name)
     x = G.log(G.inverse(Qd[0]) @ Q)
-    known = []
+    candidates = []
     for part in G.parts:
         several = len(G.parts) > 1 or part.dimension == 1
         of = f"of the {part.name} " if several and part.dimension > 1 else ""
@@ -151,13 +153,13 @@ def _starts(result: Result) -> list[Known]:
             there = values[:, part.axes]
             if part.dimension > 1:
                 size = np.linalg.norm(there, axis=1)
-                known.append(Known(f"initial {what} {of}".strip(), unit, size))
+                candidates.append(Candidate(f"initial {what} {of}".strip(), unit, size))
             names = _axes(G, part.axes)
-            known += [
-                Known(f"initial {what} {name}", unit, values)
+            candidates += [
+                Candidate(f"initial {what} {name}", unit, values)
                 for name, values in zip(names, there.T, strict=True)
             ]
-    return known
+    return candidates
 
 
 def _axes(G: MatrixLieGroup, axes: slice) -> list[str]:
@@ -192,7 +194,7 @@ def bad_runs(result: Result, controller: int) -> BadRuns:
     return BadRuns(controller, bad, decided & ~bad, words)
 
 
-def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Finding]]:
+def findings(candidates: Sequence[Candidate], laws: Sequence[BadRuns]) -> list[list[Finding]]:
     """Compare bad runs of each law with the others in each number, the most telling first.
 
     Each number is tested twice, by its value and by its distance from the median, with the
@@ -201,9 +203,9 @@ def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Findi
     """
     from scipy.stats import mannwhitneyu  # slow to import
 
-    if not known:
+    if not candidates:
         return [[] for _ in laws]
-    numbers = [[candidate.values, candidate.ends] for candidate in known]
+    numbers = [[candidate.values, candidate.ends] for candidate in candidates]
     values = np.array(numbers)  # (numbers, 2, runs)
     of_laws = [mannwhitneyu(values[..., law.bad], values[..., law.others], axis=-1) for law in laws]
     adjusted = holm(np.ravel([test.pvalue for test in of_laws])).reshape(len(laws), -1, 2)
@@ -213,14 +215,16 @@ def findings(known: Sequence[Known], laws: Sequence[BadRuns]) -> list[list[Findi
         better = p_values.argmin(axis=1)
         law_rows = [
             _finding(candidate, law, int(k), float(p[k]), float(share[k]))
-            for candidate, k, p, share in zip(known, better, p_values, shares, strict=True)
+            for candidate, k, p, share in zip(candidates, better, p_values, shares, strict=True)
         ]
         rows.append(sorted(law_rows, key=lambda row: (row.p_value, -abs(row.share - 0.5))))
     return rows
 
 
-def _finding(known: Known, law: BadRuns, of_ends: int, p_value: float, share: float) -> Finding:
-    values = known.ends if of_ends else known.values
+def _finding(
+    candidate: Candidate, law: BadRuns, of_ends: int, p_value: float, share: float
+) -> Finding:
+    values = candidate.ends if of_ends else candidate.values
     sign = 1.0 if share >= 0.5 else -1.0
     if of_ends:
         way = "at both ends" if share >= 0.5 else "in the middle"
@@ -232,7 +236,7 @@ def _finding(known: Known, law: BadRuns, of_ends: int, p_value: float, share: fl
         (int((side & law.bad).sum()), int((side & (law.bad | law.others)).sum()))
         for side in (beyond, ~beyond)
     ]
-    return Finding(known, way, p_value, max(share, 1 - share), float(cut), *sides)
+    return Finding(candidate, way, p_value, max(share, 1 - share), float(cut), *sides)
 
 
 def _cut(bad: Array, others: Array) -> float:
@@ -260,12 +264,12 @@ def of_result(
     """
     result.single(f"{who} compares the runs of one experiment")
     chosen = [result.position_of(name) for name in names] or range(len(result.labels))
-    known = known_before(result)
-    if not known:
+    candidates = known_before(result)
+    if not candidates:
         raise EqtError(
             f"{result.path}: {who} compares runs, and all are alike: nothing is drawn, and all "
             "start alike; give a distribution, such as plant.inertia: {relative: {uniform: [-0.2, "
             "0.2]}}"
         )
     laws = [bad_runs(result, controller) for controller in chosen]
-    return list(zip(laws, findings(known, laws), strict=True))
+    return list(zip(laws, findings(candidates, laws), strict=True))

@@ -12,7 +12,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.extensions.failures import finding
-from eqt_cli.extensions.failures.finding import BadRuns, Finding, Known
+from eqt_cli.extensions.failures.finding import BadRuns, Candidate, Finding
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first, unit_in_words
 
@@ -35,7 +35,7 @@ def show_run(result: Result, run: int, names: Sequence[str], *, json: bool) -> N
     if not 0 <= run < result.runs:
         raise EqtError(f"{result.path}: has no run {run}; choose one of 0 to {result.runs - 1}")
     laws = [result.position_of(name) for name in names] or range(len(result.labels))
-    known = finding.known_before(result)
+    candidates = finding.known_before(result)
     numbers = [name for name in compared_first(result) if name in result.metrics]
     ends = {k: _ending(result, k, run) for k in laws}
     document = {
@@ -51,7 +51,7 @@ def show_run(result: Result, run: int, names: Sequence[str], *, json: bool) -> N
         ],
         "drawn": [
             {"name": x.name, "value": float(x.values[run]), "unit": x.unit, "below": _below(x, run)}
-            for x in known
+            for x in candidates
         ],
     }
     header = ["law", f"run {run}", *(_heading(result, name) for name in numbers)]
@@ -61,7 +61,7 @@ def show_run(result: Result, run: int, names: Sequence[str], *, json: bool) -> N
     ]
     drawn = [
         [x.name, significant(x.values[run]), _unit(x.unit), f"{100 * _below(x, run):.0f} %"]
-        for x in known
+        for x in candidates
     ]
     tables = [TextTable("run", "", header, [Block("", rows)])]
     if drawn:
@@ -80,9 +80,9 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _below(known: Known, run: int) -> float:
+def _below(candidate: Candidate, run: int) -> float:
     """Return the share of the runs whose number is lower."""
-    return float(np.mean(known.values < known.values[run]))
+    return float(np.mean(candidate.values < candidate.values[run]))
 
 
 def _ending(result: Result, controller: int, run: int) -> str:
@@ -136,20 +136,25 @@ def answer(result: Result, law: BadRuns, rows: Sequence[Finding]) -> str:
         least = f"; the least p is {rows[0].p_value:.2g}" if rows else ""
         return f"{runs}; no number that was drawn, and none of the start, tells which{least}"
     first, *more = telling
-    also = f"; also {listed([f'{row.known.name} {row.way}' for row in more[:4]])}" if more else ""
+    also = (
+        f"; also {listed([f'{row.candidate.name} {row.way}' for row in more[:4]])}" if more else ""
+    )
     return f"{runs}, mostly where {where(first)}{also}"
 
 
 def where(row: Finding) -> str:
     """Say where a number parts bad runs from others, with their counts on both sides."""
-    low, cut = row.way in ("low", "in the middle"), f"{row.cut:.3g} {_unit(row.known.unit)}".strip()
+    low, cut = (
+        row.way in ("low", "in the middle"),
+        f"{row.cut:.3g} {_unit(row.candidate.unit)}".strip(),
+    )
     side = f"up to {cut}" if low else f"from {cut} on"
     if row.way in ("at both ends", "in the middle"):
         side = f"{'less' if low else 'more'} than {cut} from its median"
     (bad, runs), (rest, of) = row.beyond, row.within
     return (
-        f"{row.known.name} is {row.way}: {bad} of {count_of(runs, 'run')} {side}, {rest} of {of} "
-        f"elsewhere (p = {row.p_value:.1g})"
+        f"{row.candidate.name} is {row.way}: {bad} of {count_of(runs, 'run')} {side}, "
+        f"{rest} of {of} elsewhere (p = {row.p_value:.1g})"
     )
 
 
@@ -170,8 +175,8 @@ def _table(result: Result, answers: Sequence[tuple[BadRuns, Sequence[Finding]]])
 
 
 def _cells(law: BadRuns, row: Finding) -> Iterator[str]:
-    yield from (row.known.name, _unit(row.known.unit))
-    yield from (_spread(row.known.values[runs]) for runs in (law.bad, law.others))
+    yield from (row.candidate.name, _unit(row.candidate.unit))
+    yield from (_spread(row.candidate.values[runs]) for runs in (law.bad, law.others))
     yield from (row.way, f"{100 * row.share:.0f} %", f"{row.p_value:.2g}")
 
 
@@ -183,8 +188,8 @@ def _spread(values: Array) -> str:
 def _record(row: Finding) -> dict[str, Any]:
     (bad, runs), (rest, of) = row.beyond, row.within
     return {
-        "name": row.known.name,
-        "unit": row.known.unit,
+        "name": row.candidate.name,
+        "unit": row.candidate.unit,
         "bad_runs_lie": row.way,
         "p_value": row.p_value,
         "pairs": row.share,

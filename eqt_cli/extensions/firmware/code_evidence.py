@@ -877,7 +877,7 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     """Return the push as a sum of the parts of F·b."""
     law: Any = question.loop.controller
     moves = question.loop.group.parts[1].axes
-    without = {KNOWN: with_fields(law, known=())}
+    without = {KNOWN: with_fields(law, known_forces=())}
     outer, gains = law.position, {"position error": "kx", "velocity error": "kv", "integral": "ki"}
     if outer.limit is None:
         for name, key in gains.items():
@@ -896,15 +896,15 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
 
 def _with_force(question: Question, shares: dict[str, float], near: float) -> Question | None:
     """Return the law with the F of code: another mass, or no known forces; None for any other."""
-    known, others = shares.get(KNOWN), [x for name, x in shares.items() if name != KNOWN]
+    share, others = shares.get(KNOWN), [x for name, x in shares.items() if name != KNOWN]
     if np.ptp(others) > near:
         return None
     mass, loop = others[0], question.loop
-    if known is None or abs(known - mass) < near:  # F has the same direction
+    if share is None or abs(share - mass) < near:  # F has the same direction
         return question
-    if abs(known) < near:
-        return _with(question, controller=with_fields(loop.controller, known=()))
-    if abs(known - 1.0) > near or not isinstance(loop.inertia, Inertia):
+    if abs(share) < near:
+        return _with(question, controller=with_fields(loop.controller, known_forces=()))
+    if abs(share - 1.0) > near or not isinstance(loop.inertia, Inertia):
         return None
     scale = np.ones(loop.group.dimension)
     scale[loop.group.parts[1].axes] = mass

@@ -264,15 +264,15 @@ def _finite(judged: Judged) -> Iterator[Row]:
     torque, _ = loop.answer(inputs, memory, loop.period)
     bad = ~np.isfinite(torque).all(axis=1)
     law = loop.controller.formula
-    known: Any = np.ones_like(bad)
+    finite: Any = np.ones_like(bad)
     if law is not None:
         formula = Question(judged.law.formula_of(loop, law), inputs, memory)
-        known = np.isfinite(formula.torque()).all(axis=1)
+        finite = np.isfinite(formula.torque()).all(axis=1)
     places = [*(f"half turn about axis {k + 1}" for k in range(m)), "no error"]
     words = [f"{places[k]}: {torque[k].tolist()}" for k in np.flatnonzero(bad)]
-    if bad.any() and not known[bad].all():
+    if bad.any() and not finite[bad].all():
         words.append("the law is not finite there either")
-    verdict = Verdict.FAILS if np.any(bad & known) else Verdict.HOLDS
+    verdict = Verdict.FAILS if np.any(bad & finite) else Verdict.HOLDS
     yield judged.row("finite torque at half turns and without an error", verdict, words)
 
 
@@ -325,7 +325,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
         yield _unclaimed(judged)
         return
     formula, code = judged.law.formula_of(loop, law), judged.law.code
-    known = False
+    is_described = False
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
             continue
@@ -340,8 +340,11 @@ def _compared(judged: Judged) -> Iterator[Row]:
         words, verdict = [], Verdict.HOLDS
         if differences.wrong.any():
             verdict = Verdict.FAILS
-            if not known:  # runs show less of a law than random states
-                words, known = _description(judged, states, question, torque, differences), True
+            if not is_described:  # runs show less of a law than random states
+                words, is_described = (
+                    _description(judged, states, question, torque, differences),
+                    True,
+                )
         elif place == "at random states":
             words = _reach(judged)
             undecided = judged.never or not (judged.is_watched or code.is_python)

@@ -17,7 +17,7 @@ def export(
         Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
     ],
     controller: Annotated[list[str] | None, options.option("--controller")] = None,
-    real: Annotated[str, options.option("--real", known=REALS)] = "double",
+    real: Annotated[str, options.option("--real", names=REALS)] = "double",
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     reference: Annotated[bool, options.option("--reference")] = False,
     adapter: Annotated[Path | None, options.option("--adapter")] = None,

@@ -146,8 +146,8 @@ class Signal(Keys):
         absent = {*NOT_IN_CODE, "position", "heading"} - {*flat}
         fields = [name for name in x._fields if name not in absent and getattr(x, name) is not None]
         if part is None or name not in fields:
-            known = ", ".join(fields)
-            raise InputError(f"expected {known}, or a part, got {shown(self.signal)}")
+            names = ", ".join(fields)
+            raise InputError(f"expected {names}, or a part, got {shown(self.signal)}")
         if name.endswith("pose"):
             rows, columns = part.entries if which else (slice(None), slice(0, None))
             if part.turns:
@@ -245,18 +245,18 @@ class Output(Signal):
             if THRUSTER in actuator.members
         )
         rotors = next(parts, ())
-        known = {**dict(enumerate(rotors, 1)), **dict(zip(rotors, rotors, strict=True))}
+        rotor_of = {**dict(enumerate(rotors, 1)), **dict(zip(rotors, rotors, strict=True))}
         if not rotors:
             problems.add("as: rotors, and actuators has no thrusters")
         for index, name in enumerate(self.order if rotors else ()):
-            if name not in known:
+            if name not in rotor_of:
                 expected = f"expected one of {', '.join(rotors)}, or their numbers"
                 problems.at("order", index).add(f"{expected}, got {shown(name)}")
-        if not problems and len({known[name] for name in self.order}) < len(rotors):
+        if not problems and len({rotor_of[name] for name in self.order}) < len(rotors):
             problems.at("order").add(f"expected each of {', '.join(rotors)} once")
         if problems:
             return None
-        places = [G.dimension + rotors.index(known[name]) for name in self.order]
+        places = [G.dimension + rotors.index(rotor_of[name]) for name in self.order]
         return np.eye(G.dimension + len(rotors))[:, places]
 
     def thrusts(self, values: Array) -> Array:
@@ -297,12 +297,12 @@ class Adapter(Keys):
     output: Output = Output()
     call: str | None = None
 
-    def entries(self, G: MatrixLieGroup, known: Mapping[str, str]) -> Iterator[Entry]:
+    def entries(self, G: MatrixLieGroup, units: Mapping[str, str]) -> Iterator[Entry]:
         """Yield what C reads in place of the known input of a law, whose units are given."""
         first = first_inputs(G)
         for name, source in self.inputs.items():
             of, shape = source.signal.partition(".")[0], source.values(G, first).shape[1:]
-            yield Entry(name, shape, of, source.words(known.get(of, "")))
+            yield Entry(name, shape, of, source.words(units.get(of, "")))
 
     def read(self, G: MatrixLieGroup, x: LawInput, values: Arrays) -> LawInput:
         """Return the input of a law from what code has of it."""
@@ -856,8 +856,8 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     adapter = adapter or (beside if beside.is_file() else None)
     listed = document.data.get("controllers")
     entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
-    known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
-    entry = {**(known[0] if known else {"kind": Code.name, "file": name, "label": file.stem})}
+    of_file = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
+    entry = {**(of_file[0] if of_file else {"kind": Code.name, "file": name, "label": file.stem})}
     entry |= {"function": function} if function else {}
     places: dict[KeyPath, str] = {}
     if adapter:

@@ -50,7 +50,7 @@ WIDTH = 100
 @cache
 def _environment() -> Environment:
     """Return the environment of the templates, in which ``${…}`` is a value."""
-    made = Environment(
+    environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,
         variable_start_string="${",
@@ -63,9 +63,13 @@ def _environment() -> Environment:
         *(above, apart_in_words, bounds_in_words, braced, comment, declared, default, emitted),
         *(indented, markdown, meaning, measurements, row, wrapped),
     ]
-    made.globals |= {function.__name__: function for function in functions}
-    made.globals |= {"version": __version__, "tolerance": TOLERANCE, "meanings": INPUT_MEANINGS}
-    return made
+    environment.globals |= {function.__name__: function for function in functions}
+    environment.globals |= {
+        "version": __version__,
+        "tolerance": TOLERANCE,
+        "meanings": INPUT_MEANINGS,
+    }
+    return environment
 
 
 def filled(template: str, **values: object) -> str:
@@ -382,8 +386,8 @@ def check(law: ExportedLaw) -> str:
 def examples(law: ExportedLaw) -> Array:
     """Return the indices of the states that the check uses, in order."""
     bounds = law.judged[TORQUE].errors.max(axis=1)
-    known = np.isfinite(bounds) & np.isfinite(law.judged[TORQUE].values).all(axis=1)
-    far, near = np.flatnonzero(known & ~law.singular), np.flatnonzero(known & law.singular)
+    finite = np.isfinite(bounds) & np.isfinite(law.judged[TORQUE].values).all(axis=1)
+    far, near = np.flatnonzero(finite & ~law.singular), np.flatnonzero(finite & law.singular)
     worst = far[np.argsort(bounds[far], kind="stable")[-WORST:]]
     return np.unique([*_spread(far, EXAMPLES), *worst, *_spread(near, WORST)]).astype(int)
 

@@ -705,8 +705,10 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
         raise EqtError(f"{law.label}: the adapter lacks {left}, or a part of it; add an input")
     if law.reference or law.filter:
         raise EqtError(f"{law.label}: leave out --reference and the estimator, or the adapter")
-    known = {entry.source: entry for entry in law.program.inputs}
-    signals = {name: rows[INPUT + name].reshape(-1, *entry.shape) for name, entry in known.items()}
+    entries = {entry.source: entry for entry in law.program.inputs}
+    signals = {
+        name: rows[INPUT + name].reshape(-1, *entry.shape) for name, entry in entries.items()
+    }
     x = LawInput._make(map(signals.get, LawInput._fields))
     inputs = {name: values for name, values in rows.items() if name.startswith(MEMORY)}
     for name, signal in adapter.inputs.items():

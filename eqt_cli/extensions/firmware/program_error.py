@@ -120,7 +120,7 @@ def bounded(
     errors
         Errors of the inputs, in the same shapes; 0 if missing.
     """
-    values_of, known = (
+    values_of, errors_of = (
         {name: np.atleast_2d(np.asarray(values, float)) for name, values in rows.items()}
         for rows in (inputs, errors or {})
     )
@@ -131,7 +131,7 @@ def bounded(
             part = slice(start, min(start + BLOCK, count))
             one, other = (
                 {name: x[part] if len(x) > 1 else x for name, x in rows.items()}
-                for rows in (values_of, known)
+                for rows in (values_of, errors_of)
             )
             analysis = _Analysis(program, one, by, other, part.stop - part.start)
             blocks.append([analysis.of(output) for output in program.outputs])

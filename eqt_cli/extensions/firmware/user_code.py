@@ -213,17 +213,17 @@ ERRNO = {"__errno_location", "__error", "_errno"}
 """What returns the address of errno."""
 
 
-def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
+def static_state(binary: bytes) -> tuple[list[str], list[str]] | None:
     """Return the variables of an object file that can be written, and the functions it calls.
 
     Functions that keep no state are left out: those of math.h, and those of compilers. An ELF file
     is read here; of another one, the program `nm` tells, if there is one. None if neither can be
     done.
     """
-    if made.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
-        symbols: list[tuple[str, bool]] | None = list(_of_elf(made))
+    if binary.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
+        symbols: list[tuple[str, bool]] | None = list(_of_elf(binary))
     else:
-        symbols = _of_nm(made)
+        symbols = _of_nm(binary)
     if symbols is None:
         return None
     variables = {_plain(name) for name, is_variable in symbols if is_variable} - {"eqt_row"}
@@ -241,40 +241,40 @@ def _mathematical() -> set[str]:
     return set(re.findall(r"(\w+) *\(", preprocessed("#include <math.h>\n")))
 
 
-def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
+def _of_elf(binary: bytes) -> Iterator[tuple[str, bool]]:
     """Yield names: of variables (True), and those that the file does not define (False)."""
-    (table,) = unpack_from("<Q", made, 40)
-    size, count, _ = unpack_from("<3H", made, 58)
+    (table,) = unpack_from("<Q", binary, 40)
+    size, count, _ = unpack_from("<3H", binary, 58)
     # name, type, flags, address, offset, size, link, info, alignment, size of an entry
-    sections = [unpack_from("<2I4Q2I2Q", made, table + k * size) for k in range(count)]
-    at = sections[unpack_from("<H", made, 62)[0]][4]
-    names = [_text(made, at + section[0]) for section in sections]
+    sections = [unpack_from("<2I4Q2I2Q", binary, table + k * size) for k in range(count)]
+    at = sections[unpack_from("<H", binary, 62)[0]][4]
+    names = [_text(binary, at + section[0]) for section in sections]
     for section in (header for header in sections if header[1] == SYMBOLS):
         offset, length, text = section[4], section[5], sections[section[6]][4]
-        for name, info, _, where, _, _ in iter_unpack("<I2BH2Q", made[offset : offset + length]):
+        for name, info, _, where, _, _ in iter_unpack("<I2BH2Q", binary[offset : offset + length]):
             if info & 15 not in (UNTYPED, OBJECT, COMMON, THREADS) or not name:
                 continue
             if where == 0:
-                yield _text(made, text + name), False
+                yield _text(binary, text + name), False
             elif where == IN_COMMON or (
                 0 < where < RESERVED
                 and sections[where][2] & WRITE
                 and not names[where].startswith(".data.rel.ro")
             ):
-                yield _text(made, text + name), True
+                yield _text(binary, text + name), True
 
 
-def _text(made: bytes, at: int) -> str:
-    return made[at : made.index(b"\0", at)].decode(errors="replace")
+def _text(binary: bytes, at: int) -> str:
+    return binary[at : binary.index(b"\0", at)].decode(errors="replace")
 
 
-def _of_nm(made: bytes) -> list[tuple[str, bool]] | None:
+def _of_nm(binary: bytes) -> list[tuple[str, bool]] | None:
     nm = shutil.which("nm") or shutil.which("llvm-nm")
     if nm is None:
         return None
     with temporary_folder() as folder:
         path = folder / "law.o"
-        path.write_bytes(made)
+        path.write_bytes(binary)
         answer = compiler.run_contained([nm, str(path)], b"", Limits(SECONDS))
     if answer.returncode:
         return None
@@ -367,9 +367,9 @@ class UserCode(CodeFile):
         p, k = (ORDER + 1) * n, self.steps
         lengths = (1, q, m, q, m, m, p, 3, 3, q * k, m * k, m * k, p * k)
         length_of = dict(zip(LawInput._fields[: -len(NOT_IN_CODE)], lengths, strict=True))
-        known = self.fields(f"{self.prefix}_input") or ()
-        read = known if n and "position" in known else LawInput._fields[:6]
-        later = [name for name in LATER if name in known and length_of[name]]
+        members = self.fields(f"{self.prefix}_input") or ()
+        read = members if n and "position" in members else LawInput._fields[:6]
+        later = [name for name in LATER if name in members and length_of[name]]
         return {name: length for name, length in length_of.items() if name in (*read, *later)}
 
     @cached_property
@@ -434,11 +434,11 @@ class UserCode(CodeFile):
             )
         needed = {"numbers": dict(self.numbers), "memory": self.memory, "input": self.inputs}
         for key, fields in needed.items():
-            known = self.fields(struct := f"{self.prefix}_{key}")
-            if known is None:
+            members = self.fields(struct := f"{self.prefix}_{key}")
+            if members is None:
                 continue
-            for name in (named for named in fields if named not in known):
-                hint = suggestion(name, known) or f"; it has {', '.join(known) or 'none'}"
+            for name in (named for named in fields if named not in members):
+                hint = suggestion(name, members) or f"; it has {', '.join(members) or 'none'}"
                 raise InputError(f"{key}: {struct} in {self.file} has no field {name}{hint}")
 
     @property

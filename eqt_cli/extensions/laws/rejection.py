@@ -119,7 +119,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     lateral: bool = field(default=True, kw_only=True)
     around: Any = field(default=None, init=False, repr=False)  # the law that it is around
     acting: Any = field(default=(), init=False, repr=False)
-    known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    known_forces: Any = field(default=(), init=False, repr=False)  # tuple of forces
     believed: Any = field(default=None, init=False, repr=False)  # the lag by axis; None for 0
     runs: Any = field(default=False, init=False, repr=False)
 
@@ -208,7 +208,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
                 G, plant.inside("around", self.around, G, self.law), problems.at("law")
             ),
             acting=tuple(part for part in plant.actuators if part.limits),
-            known=plant.forces,
+            known_forces=plant.forces,
             believed=self._lag(G, plant, problems.at("lag")),
             runs=any_runs(plant.actuators),
         )
@@ -407,8 +407,8 @@ class Indi(Rejecting, laws.KnowsForces):
             here.add(f"accelerometer needs group SE2 or SE3, got {G.name}; use differences")
         elif self.reads_specific_force:
             check_rigid_body(G, plant.inertia, problems.at("linear"))
-            weighs = [hasattr(x, "weight_alone") for x in (*law.known, *vehicle.forces)]
-            if any(weighs) and not any(weighs[: len(law.known)]):
+            weighs = [hasattr(x, "weight_alone") for x in (*law.known_forces, *vehicle.forces)]
+            if any(weighs) and not any(weighs[: len(law.known_forces)]):
                 said = "no accelerometer feels the weight, and the law does not know it"
                 problems.at("linear").add(f"{said}; write restoring under model.forces, too")
         return law
@@ -420,12 +420,14 @@ class Indi(Rejecting, laws.KnowsForces):
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the δ̂ of running rotors, against the forces that the law knows."""
-        rejected = {DISTURBANCE: self._known(s) - s.G.ad_star(s.V, s.P)} if self.runs else {}
+        rejected = (
+            {DISTURBANCE: self._of_known_forces(s) - s.G.ad_star(s.V, s.P)} if self.runs else {}
+        )
         return {**super().initial_memory(s), **rejected}
 
-    def _known(self, s: Tracking, of_weight: bool = False) -> Any:
+    def _of_known_forces(self, s: Tracking, of_weight: bool = False) -> Any:
         """Return the forces that the model knows, or their weight alone, body frame."""
-        forces: Any = self.known
+        forces: Any = self.known_forces
         if of_weight:
             forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
         return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)
@@ -438,11 +440,11 @@ class Indi(Rejecting, laws.KnowsForces):
             turns = s.G.parts[0].axes
             change = np.concatenate([change[..., turns], s.specific_force], axis=-1)
             V = np.concatenate([V[..., turns], 0.0 * s.specific_force], axis=-1)
-            weight = self._known(s, of_weight=True)
+            weight = self._of_known_forces(s, of_weight=True)
         free = s.G.ad_star(V, s.inertia.momentum(V))
         r = actuated - s.inertia.momentum(change)
         if self.runs:
-            r = where(is_first, weight - self._known(s), r)
+            r = where(is_first, weight - self._of_known_forces(s), r)
         return Compared(r, weight - free, s.V)
 
     def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
@@ -570,7 +572,9 @@ class Outer(laws.OuterLoop, Rejecting):
         """Return the cascade with an estimate, where all of its force acts."""
         if not self.lateral:
             return self.around
-        return with_fields(self.around, known=(*self.around.known, EstimatedForce(estimate)))
+        return with_fields(
+            self.around, known_forces=(*self.around.known_forces, EstimatedForce(estimate))
+        )
 
     def _matched(self, s: Tracking, estimate: Array) -> Any:
         """Return torque and push of an estimate that does not tilt; else 0."""
@@ -614,7 +618,7 @@ class Outer(laws.OuterLoop, Rejecting):
         )
         still = {"position": ["0"] * G.space, "minimum_snap": None, "of": None, "inner": None}
         reference, share = with_fields(loop.reference, **still), self.share_found(loop.period)
-        return ConstantDisturbance(reference, wrench, self.known, pushes, share)
+        return ConstantDisturbance(reference, wrench, self.known_forces, pushes, share)
 
     def framed(self, s: Tracking, wrench: Array) -> Array:
         """Return a wrench or momentum with its force, or linear part, in space."""
@@ -630,7 +634,7 @@ class Outer(laws.OuterLoop, Rejecting):
 
     def known_wrench(self, s: Tracking, of_weight: bool = False) -> Any:
         """Return the forces that the model knows, or their weight alone, body frame."""
-        forces: Any = self.known
+        forces: Any = self.known_forces
         if of_weight:
             forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
         return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)

@@ -181,15 +181,15 @@ class LivePage:
 
     def try_keys(self, keys: Mapping[str, Range], problems: Problems) -> None:
         """Note which keys no slider can move, and why, without the tables of a page."""
-        made: list[tuple[Slider, list[Effect]]] = []
+        pairs: list[tuple[Slider, list[Effect]]] = []
         for key, range_ in keys.items():
             try:
-                made.append(self._moved(key, range_, made, few=True))
+                pairs.append(self._moved(key, range_, pairs, few=True))
             except EqtError as error:
                 problems.at(key).add(_without(key, error))
         if not problems:
             try:
-                sliders.checked(made, self.rules, self.numbers, self.base)
+                sliders.checked(pairs, self.rules, self.numbers, self.base)
             except EqtError as error:
                 problems.add(str(error.args[0]))
 
@@ -217,7 +217,7 @@ class LivePage:
         of_configuration = {} if keys else data.get("live") or {}
         keys = keys or of_configuration
         usual = [] if keys else list(sliders.usual_keys(data))
-        made: list[tuple[Slider, list[Effect]]] = []
+        pairs: list[tuple[Slider, list[Effect]]] = []
         begun = time.process_time()
         for place, key in enumerate(keys or usual):
             if usual and time.process_time() - begun > sliders.MOST_SECONDS_OF_ALL:
@@ -225,7 +225,7 @@ class LivePage:
                 reporter().remark(EqtWarning(f"no slider for {', '.join(usual[place:])}: {why}"))
                 break
             try:
-                made.append(self._moved(key, keys.get(key), made, is_requested=bool(keys)))
+                pairs.append(self._moved(key, keys.get(key), pairs, is_requested=bool(keys)))
             except EqtError as error:
                 if of_configuration:
                     problems = Problems(self.study.document.place)
@@ -234,17 +234,17 @@ class LivePage:
                 if keys:
                     raise
                 reporter().remark(EqtWarning(f"no slider for {error}"))
-            if len(made) == sliders.MOST_KEYS and not keys:
+            if len(pairs) == sliders.MOST_KEYS and not keys:
                 break
-        while made:
+        while pairs:
             try:
-                sliders.checked(made, self.rules, self.numbers, self.base)
+                sliders.checked(pairs, self.rules, self.numbers, self.base)
                 break
             except EqtError as error:
                 if keys:
                     raise
-                reporter().remark(EqtWarning(f"no slider for {made.pop()[0].key}: {error}"))
-        return made
+                reporter().remark(EqtWarning(f"no slider for {pairs.pop()[0].key}: {error}"))
+        return pairs
 
     def whole(self, result: Result, title: str = "") -> str:
         """Return a page of its own with the numbers of a result."""

@@ -273,7 +273,7 @@ def effects(
     begun = time.process_time()
     probes = [_moved(slider, value, numbers, base) for value in tried]
     seconds = (time.process_time() - begun) / len(tried) * len(slider.values)
-    made: list[Effect] = []
+    changes: list[Effect] = []
     tabled: dict[str, Array] = {}
     for name, at in _places(probes, base, rules).items():
         if name.endswith("/errors"):
@@ -282,7 +282,7 @@ def effects(
         by = _factors(np.array(tried), entries)
         fits = ~np.isnan(by)
         if fits.any():
-            made.append(Effect(name, at[fits].tolist(), by[fits].tolist()))
+            changes.append(Effect(name, at[fits].tolist(), by[fits].tolist()))
         if not fits.all():
             tabled[name] = at[~fits]
     if tabled and not is_requested:
@@ -295,12 +295,12 @@ def effects(
         rows = [_moved(slider, value, numbers, base) for value in slider.values]
         for name, at in tabled.items():
             table = [row[name].ravel()[at].tolist() for row in rows]
-            made.append(Effect(name, at.tolist(), table=table))
-    if not made:
+            changes.append(Effect(name, at.tolist(), table=table))
+    if not changes:
         raise EqtError(
             f"{slider.key}: no number that the runs take follows it; expected a key as gains.kp"
         )
-    return made
+    return changes
 
 
 def _places(probes: list[dict[str, Array]], base: Arrays, rules: list[Inverse]) -> dict[str, Array]:

@@ -60,12 +60,12 @@ def compiled(source: str, fused: bool) -> bytes:
     if cache is not None and (cached := cache.find(key, ".wasm")):
         return cached
     with reporter().busy("compiling for the page"), temporary_folder() as folder:
-        made = folder / "live.wasm"
-        answer = run([*words, "-o", str(made), "-x", "c", "-"], source)
-        if answer.returncode or not made.exists():
+        target = folder / "live.wasm"
+        answer = run([*words, "-o", str(target), "-x", "c", "-"], source)
+        if answer.returncode or not target.exists():
             said = (answer.stderr or answer.stdout).strip().splitlines()
             raise EqtError(f"{shlex.join(words[:4])} cannot compile a law", lines=said[:10])
-        content = made.read_bytes()
+        content = target.read_bytes()
     if cache is not None:
         with suppress(OSError):
             cache.keep(key, ".wasm", content)

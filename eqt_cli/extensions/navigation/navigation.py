@@ -152,12 +152,15 @@ class Navigation(Estimator):
         """Whether numbers differ from run to run: the start of the velocity does."""
         return super().varies or self.initial_velocity_error is None
 
-    def completed(self, G: MatrixLieGroup, known: Deviations) -> Self:
+    def completed(self, G: MatrixLieGroup, deviations: Deviations) -> Self:
         """Return the filter with the deviations of the sensors where none are given."""
-        sensed = {"pose_std": known.pose, "depth_std": known.depth[-1:]}
+        sensed = {"pose_std": deviations.pose, "depth_std": deviations.depth[-1:]}
         for signal, axes in ("gyro", TURNS), ("accelerometer", MOVES):
-            sensed |= {f"{signal}_std": known.velocity[axes], f"{signal}_walk": known.walk[axes]}
-            sensed[f"initial_{signal}_bias_std"] = known.bias[axes]
+            sensed |= {
+                f"{signal}_std": deviations.velocity[axes],
+                f"{signal}_walk": deviations.walk[axes],
+            }
+            sensed[f"initial_{signal}_bias_std"] = deviations.bias[axes]
         missing = [name for name in sensed if getattr(self, name) is None]
         return with_fields(self, **{name: sensed[name].tolist() for name in missing})
 
@@ -198,7 +201,7 @@ class Navigation(Estimator):
                 "missing; initial_error needs the deviation that the filter assumes for it"
             )
 
-    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+    def check_sensors(self, schedule: Schedule, deviations: Deviations, problems: Problems) -> None:
         """Note an inertial unit that is missing or slow, deviations of 0, and unknown starts."""
         measured = {(channel.signal, channel.part.name): channel for channel in schedule.channels}
         odd = list(_odd_times(schedule))
@@ -234,11 +237,13 @@ class Navigation(Estimator):
                 "estimate"
             )
         if not problems:
-            self._check_deviations(schedule, known, problems)
+            self._check_deviations(schedule, deviations, problems)
 
-    def _check_deviations(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+    def _check_deviations(
+        self, schedule: Schedule, deviations: Deviations, problems: Problems
+    ) -> None:
         """Note deviations of 0, which the filter would take as exact."""
-        done: Any = self.completed(schedule.G, known).drawn(None)
+        done: Any = self.completed(schedule.G, deviations).drawn(None)
         used = {"gyro_std": "velocity", "accelerometer_std": "accelerometer"}
         axes = {"pose_std": schedule.axes, "depth_std": [0]}
         used |= {f"{channel.signal}_std": channel.signal for channel in schedule.fixes}

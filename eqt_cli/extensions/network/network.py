@@ -349,7 +349,7 @@ def emitted(text: str, name: str, memory: Memory = None) -> Emitted:
 
 
 def source_of(
-    made: Emitted,
+    emitted: Emitted,
     matrix: Array,
     curve: Array,
     most: float | None = None,
@@ -369,7 +369,7 @@ def source_of(
         Where the last outputs stand among the inputs, their scale, and of how many periods; None if
         they are not observed.
     """
-    network, hidden = made.network, len(made.network.initial)
+    network, hidden = emitted.network, len(emitted.network.initial)
     outputs = network.commands
     last_at, last_scale, remembers = last or (0, 1.0, 0)
     numbers = {"offset": curve[0], "linear": curve[1], "square": curve[2], "matrix": matrix.ravel()}
@@ -390,13 +390,13 @@ def source_of(
             *(f"#define EQT_{name.upper()} {value}" for name, value in defined.items()),
             f"static void network(const double *{network.observed}, double *h, double *y)\n{{",
             "    long i, j;\n    (void)h, (void)j;",
-            *(f"    {line}" for line in made.lines),
+            *(f"    {line}" for line in emitted.lines),
             f"    for (i = 0; i < EQT_OUTPUTS; i++) y[i] = {network.result}[i];\n}}",
             CALL.read_text(encoding="utf-8"),
         ]
     )
     functions = headers("double") + "\n" + ENTRY.read_text(encoding="utf-8")
-    return "\n".join([PRELUDE, needed(PRELUDE + text, functions), *made.constants, text])
+    return "\n".join([PRELUDE, needed(PRELUDE + text, functions), *emitted.constants, text])
 
 
 @lru_cache(maxsize=64)
@@ -433,10 +433,10 @@ def check_examples(text: str, name: str) -> None:
         )
 
 
-def bare_source(made: Emitted) -> str:
+def bare_source(emitted: Emitted) -> str:
     """Return the C of a network by itself, whose outputs are what it returns."""
-    unit = np.eye(made.network.commands)
-    return source_of(made, unit, np.outer([0.0, 1.0, 0.0], np.ones(len(unit))))
+    unit = np.eye(emitted.network.commands)
+    return source_of(emitted, unit, np.outer([0.0, 1.0, 0.0], np.ones(len(unit))))
 
 
 def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
@@ -466,8 +466,8 @@ def _of_actions(
     built = Built("policy")
     actions = built.placed([built.input("x", [outputs * (1 + steps)])], np.arange(outputs))
     built.outputs = {"y": (str(actions), [outputs])}
-    made = Emitted(network_of(built.text, "policy"))
-    return source_of(made, M, curve, said.clip, (outputs, *last[1:]) if last else None)
+    emitted = Emitted(network_of(built.text, "policy"))
+    return source_of(emitted, M, curve, said.clip, (outputs, *last[1:]) if last else None)
 
 
 # The law ------------------------------------------------------------------------------------------

@@ -86,10 +86,10 @@ def network_text(path: Path) -> str:
 
 def _content(path: Path) -> bytes:
     with refusals(path, "read", kind=InputError), open_regular(path) as stream:
-        made = stream.read(MOST_BYTES + 1)
-    if len(made) > MOST_BYTES:
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
         raise InputError(f"{path.name}: expected at most {MOST_BYTES:,} bytes")
-    return made
+    return content
 
 
 @lru_cache(maxsize=16)
@@ -127,7 +127,7 @@ def network_of(text: str, name: str, memory: tuple[tuple[str, str], ...] | None 
     return built
 
 
-def _of_torch(made: bytes, path: Path) -> "Built":
+def _of_torch(content: bytes, path: Path) -> "Built":
     raise InputError(
         f"{path.name}: a file of PyTorch can run code when it is loaded; write it as ONNX with "
         "torch.onnx.export(policy, torch.zeros(1, n), 'policy.onnx'), and give that"
@@ -373,7 +373,7 @@ def _finite(values: Any, name: str) -> Any:
 # and at unit vectors. So are constants.
 
 
-def of_onnx(made: bytes, path: Path) -> Built:
+def of_onnx(content: bytes, path: Path) -> Built:
     """Return the network of an ONNX file, whose weights may be in files next to it."""
     try:
         import onnx
@@ -385,7 +385,7 @@ def of_onnx(made: bytes, path: Path) -> Built:
             Remedy("run pip install '.[network]' in the checkout of eqt"),
         ) from None
     try:
-        model = onnx.load_model_from_string(made)
+        model = onnx.load_model_from_string(content)
     except Exception as error:
         raise InputError(f"{path.name}: is not an ONNX file: {error}") from error
     try:
@@ -599,7 +599,7 @@ class _OfGraph:
             arrays = {x: np.asarray(v) for x, v in zip(names, values, strict=True) if x}
             try:
                 sizes = [array.size for array in arrays.values()]
-                self._count(PER_CALL + PER_NUMBER * (sum(sizes) + self._made(model, arrays)))
+                self._count(PER_CALL + PER_NUMBER * (sum(sizes) + self._numbers_in(model, arrays)))
                 self._count(_products(node, [*arrays.values()]))
                 outputs = iter(run(None, arrays))
             except Exception as error:
@@ -614,7 +614,7 @@ class _OfGraph:
         if self.work > MOST_WORK:
             raise InputError(f"it takes more than {MOST_WORK:,} operations to read the file")
 
-    def _made(self, model: Any, arrays: Mapping[str, Array]) -> int:
+    def _numbers_in(self, model: Any, arrays: Mapping[str, Array]) -> int:
         """Return how many numbers a node makes; raise an `InputError` if it may make too many."""
         sized, make = self.onnx.ModelProto(), self.onnx.helper
         sized.CopyFrom(model)
@@ -827,13 +827,13 @@ EXAMPLES = 20
 _ACTIVATIONS = {"RELU": "Relu", "SIGMOID": "Sigmoid", "TANH": "Tanh", "FAST_TANH": "FastTanh"}
 
 
-def of_rltools(made: bytes, path: Path) -> Built:
+def of_rltools(content: bytes, path: Path) -> Built:
     """Return the actor of a checkpoint of RLtools, with the first of its examples."""
     import h5py
 
     name = path.name
     try:
-        file = h5py.File(io.BytesIO(made), "r")
+        file = h5py.File(io.BytesIO(content), "r")
     except Exception as error:
         raise InputError(f"{name}: is not an HDF5 file: {error}") from error
     with file:

@@ -463,8 +463,12 @@ def _reason(error: Exception) -> str:
     place = place_of(error) or place_of(
         error, lambda module: module.startswith("eqt_cli.") and not module.startswith(others)
     )
-    known = isinstance(error, NotRationalError)
-    what = str(error) if known else f"cannot be evaluated on exact numbers: {described(error)}"
+    is_not_rational = isinstance(error, NotRationalError)
+    what = (
+        str(error)
+        if is_not_rational
+        else f"cannot be evaluated on exact numbers: {described(error)}"
+    )
     return f"{what}, at {place}" if place else what
 
 

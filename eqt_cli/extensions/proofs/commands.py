@@ -45,8 +45,8 @@ def verify(
     file: Annotated[bool, options.option("--file")] = False,
     code: Annotated[str | None, options.option("--code")] = None,
     adapter: Annotated[Path | None, options.option("--adapter")] = None,
-    fail_on: Annotated[str | None, options.option("--fail-on", known=FINDINGS)] = None,
-    as_: Annotated[str | None, options.option("--as", known="controllers")] = None,
+    fail_on: Annotated[str | None, options.option("--fail-on", names=FINDINGS)] = None,
+    as_: Annotated[str | None, options.option("--as", names="controllers")] = None,
     plant: Annotated[str | None, options.option("--plant")] = None,
     simulator: Annotated[bool, options.option("--simulator")] = False,
     point: options.Point = None,
@@ -166,9 +166,9 @@ def _verify_plant(
     experiment: Any, plant: str, adapter: Path | None, simulator: bool, fail_on: str | None
 ) -> tuple[dict[str, Any], list[Any], bool]:
     """Return the document and the text on a plant, and whether it passes."""
-    record, answer, made = function_for("verify --plant")(experiment, plant, adapter, simulator)
+    record, answer, table = function_for("verify --plant")(experiment, plant, adapter, simulator)
     passing = ("is", "lacks") if fail_on == "differs" else ("is",)
-    return {"plant": [record]}, [answer, "", laid_out(made)], record["finding"] in passing
+    return {"plant": [record]}, [answer, "", laid_out(table)], record["finding"] in passing
 
 
 def _verify_files(target: Path, *, json: bool) -> None:
@@ -176,7 +176,7 @@ def _verify_files(target: Path, *, json: bool) -> None:
     sealed = {".h5", ".npy"}
     names = (f for f in [target, *target.rglob("*")] if f.suffix in sealed or f.name in RECORDS)
     intact = {str(path): is_intact_file(path) for path in sorted(names)}
-    damaged = [path for path, known in intact.items() if not known]
+    damaged = [path for path, is_intact in intact.items() if not is_intact]
     for path in damaged:
         complain(f"{path}: has other bytes than eqt wrote; copy it again or run it again", "error")
     counted = f"{target}: {len(damaged)} of {count_of(len(intact), 'file')} damaged"
@@ -196,11 +196,11 @@ def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
         stated = count_of(len(rows) - assumed, "statement")
         yield f"checked: {stated}; hypotheses: {assumed}; --verbose lists them all"
     shown = rows if verbose else with_titles(result.failures, result.experiment.titles)
-    if shown and (made := certificate_table(shown)) is not None:
-        for block in made.blocks:
-            notes = made.notes if block is made.blocks[-1] else []
+    if shown and (table := certificate_table(shown)) is not None:
+        for block in table.blocks:
+            notes = table.notes if block is table.blocks[-1] else []
             yield from ("", block.title)
-            yield laid_out(replace(made, caption="", blocks=[Block("", block.rows)], notes=notes))
+            yield laid_out(replace(table, caption="", blocks=[Block("", block.rows)], notes=notes))
 
 
 # Margins ------------------------------------------------------------------------------------------
@@ -441,10 +441,13 @@ def _rates_document(laws: Sequence[LawRates]) -> dict[str, Any]:
 def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterator[str | Text]:
     """Yield the printed text: the proved rates in each box, and what they mean."""
     header = ["law", "proved rate, 1/s", "overshoot", "slowest constant V_d", "its rate, 1/s"]
-    known, blocks, words = [law for law in laws if law.rates], list[Block](), list[str]()
-    for rates in zip(*(law.rates for law in known), strict=True):
+    with_rates, blocks, words = [law for law in laws if law.rates], list[Block](), list[str]()
+    for rates in zip(*(law.rates for law in with_rates), strict=True):
         sides = [f"{low:g} to {high:g}".replace("-", "−") for low, high in rates[0].velocity]
-        pairs, box = [*zip(known, rates, strict=True)], f"each V_d(t) within {', '.join(sides)}"
+        pairs, box = (
+            [*zip(with_rates, rates, strict=True)],
+            f"each V_d(t) within {', '.join(sides)}",
+        )
         blocks.append(Block(box, [[titles[law.label], *_rate(one)] for law, one in pairs]))
         extras = ((titles[x.label], part) for x, one in pairs for part in (one.gain, one.region))
         words += [f"{title} {part}; {box}" for title, part in extras if part]
@@ -452,7 +455,7 @@ def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterat
         "proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)",
         "slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable",
     ]
-    if known:
+    if with_rates:
         yield laid_out(TextTable("certified", "", header, blocks, notes))
     yield from words
     for law in laws:

@@ -336,14 +336,14 @@ class Ledger:
 
     def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
         """Return the parameter for a function of this argument: a known or a new one."""
-        known = self._values.setdefault(kind, [])
-        for other, value in known:
+        entries = self._values.setdefault(kind, [])
+        for other, value in entries:
             gap = _sum(argument, -other)
             self.compared += gap.degree
             if not gap.numerator:
                 return value
-        known.append((argument, new()))
-        return known[-1][1]
+        entries.append((argument, new()))
+        return entries[-1][1]
 
 
 _ledgers: list[Ledger] = []

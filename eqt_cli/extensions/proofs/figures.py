@@ -64,24 +64,24 @@ class Rates(Figure[ShownControllers]):
         axes = len(result.coordinate("axis"))
         boxes = [[(-Fraction(v), Fraction(v))] * axes for v in grid.tolist()]
         laws = [(e, rates_of(e.label, result.loops[e.law], boxes)) for e in shown.shown]
-        (drawing, panel), known = one_panel(width, HEIGHTS[width]), []
+        (drawing, panel), titles = one_panel(width, HEIGHTS[width]), []
         for law, law_rates in laws:
             if law_rates.refused:
                 shown.remarks.append(f"{law.title} {law_rates.refused}.")
             else:
-                known.append(law.title)
+                titles.append(law.title)
                 rates = [float(one.rate or np.nan) for one in law_rates.rates]
                 panel.plot(grid, rates, label=f"{law.title}, proved", **line_style(law.look))
         for law, law_rates in laws:
             rates, look = [one.slowest_rate for one in law_rates.rates], line_style(law.look)
             panel.plot(grid[: len(rates)], rates, label=f"{law.title}, constant", lw=0.5, **look)
-        if not known:
+        if not titles:
             raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")
         unit = result.units("desired_velocity")
         bound = f"bound of each component of the desired velocity ({unit})"
         panel.set(xlabel=bound.removesuffix(" (mixed)"), xlim=(0, fastest or 1))
         panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
-        add_legend(drawing, panel.lines[: len(known)], known)
+        add_legend(drawing, panel.lines[: len(titles)], titles)
         shown.note = "thick: proved for all references; thin: slowest constant velocity"
         shown.remarks.append(f"{shown.note.capitalize()}.")
         return drawing

@@ -99,18 +99,18 @@ def delay_margin(loop: CutLoop) -> float:
     if loop.period is None:
         return delays[0] if delays else np.inf
     phases = [(loop.A, loop.B, loop.C)]
-    for known in range(1, TRIED + 1):
-        if not is_stable(phases, known):
-            return (known - 1) * loop.period
+    for count in range(1, TRIED + 1):
+        if not is_stable(phases, count):
+            return (count - 1) * loop.period
     for delay in delays:
         periods = int(np.ceil(delay / loop.period - SAME)) - 1
-        if periods < known:
+        if periods < count:
             continue
         if not is_stable(phases, periods):  # a crossing was missed
-            first = next(n for n in range(known, periods + 1) if not is_stable(phases, n))
+            first = next(n for n in range(count, periods + 1) if not is_stable(phases, n))
             return (first - 1) * loop.period
-        known = int(np.floor(delay / loop.period + SAME)) + 1  # at the crossing, rounding decides
-        if not is_stable(phases, known):
+        count = int(np.floor(delay / loop.period + SAME)) + 1  # at the crossing, rounding decides
+        if not is_stable(phases, count):
             return periods * loop.period
     return np.inf
 
@@ -614,14 +614,14 @@ def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
     assert loop.period is not None
     _, n, m = loop.phases[0].B.shape
     most = max((MOST_STATES - n) // m, TRIED)
-    known = 0
-    while known < most:
-        tried = known + max(1, known // TRIED)
+    stable = 0
+    while stable < most:
+        tried = stable + max(1, stable // TRIED)
         if not is_stable(loop.phases, tried):
-            first = next(k for k in range(known + 1, tried + 1) if not is_stable(loop.phases, k))
+            first = next(k for k in range(stable + 1, tried + 1) if not is_stable(loop.phases, k))
             return (first - 1) * loop.period, False
-        known = tried
-    return known * loop.period, True
+        stable = tried
+    return stable * loop.period, True
 
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:

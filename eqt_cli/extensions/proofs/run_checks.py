@@ -536,8 +536,8 @@ class LyapunovDecrease(LyapunovCheck):
             return self.row(Verdict.NOT_COVERED, measured, bound, runs.departures, label)
         if runs.claims_decrease:
             return self.compared(measured, bound, runs.remark, label)
-        known = runs.claims_decrease is not None
-        remark = "not claimed of this law" if known else "the law says nothing"
+        is_stated = runs.claims_decrease is not None
+        remark = "not claimed of this law" if is_stated else "the law says nothing"
         return self.row(Verdict.UNCLAIMED, measured, bound, remark, label)
 
 

@@ -432,7 +432,7 @@ def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
         law = getattr(loop.controller, "around", loop.controller)
         if isinstance(law, Cascade):
             law = with_fields(law, position=with_fields(law.position, period=None))
-            vehicle = Vehicle(forces=(*law.known, *law.across))
+            vehicle = Vehicle(forces=(*law.known_forces, *law.across))
             of_model = replace(loop, vehicle=vehicle, controller=law)
             yield sampled(label, of_model, horizon, _random(experiment, index, Stream.CERTIFICATES))
 

@@ -289,10 +289,10 @@ def log_errors(
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         goals = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight, disarmed)
-    known, wanted = _chosen(measured, goals, second is None and setpoint is None)
-    begins = [t for series in known.values() for t in series.times[:1]]
+    actual, wanted = _chosen(measured, goals, second is None and setpoint is None)
+    begins = [t for series in actual.values() for t in series.times[:1]]
     span = [_instant(*bound, begins) for bound in (("begin", begin), ("end", end))]
-    errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, parts, span)
+    errors = logs.tracking_errors(f"{path}", actual, wanted, spans, association, align, parts, span)
     errors = errors._replace(flight=flight)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
@@ -355,16 +355,16 @@ def _chosen(
     measured: dict[str, list[Series]], goals: dict[str, list[Series]], differ: bool
 ) -> tuple[dict[str, Series], dict[str, Series]]:
     """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
-    known = {q: some[0] for q, some in measured.items()}
+    actual = {q: some[0] for q, some in measured.items()}
     wanted: dict[str, Any] = {q: some[0] for q, some in goals.items()}
-    for q in [q for q in known if q in goals]:  # the position first, whose topic leads
-        lead = known.get("position", known[q]).topic
+    for q in [q for q in actual if q in goals]:  # the position first, whose topic leads
+        lead = actual.get("position", actual[q]).topic
         pairs: list[Any] = [(k, w) for w in goals[q] for k in measured[q]]
         pairs = [(k, w) for k, w in pairs if not differ or k.fields != w.fields]
         odd = [(k.is_odd or w.is_odd, k.axes != w.axes, k.topic != lead) for k, w in pairs]
         best = odd.index(min(odd)) if odd else 0
-        known[q], wanted[q] = (pairs or [(known[q], None)])[best]
-    return known, {q: series for q, series in wanted.items() if series is not None}
+        actual[q], wanted[q] = (pairs or [(actual[q], None)])[best]
+    return actual, {q: series for q, series in wanted.items() if series is not None}
 
 
 # Compares flights ---------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ class Recorded:
 
     mapping: options.Mapping = None
     format: options.LogFormat = "csv"
-    hold: Annotated[str, options.option("--hold", known=("zero", "linear"))] = "zero"
+    hold: Annotated[str, options.option("--hold", names=("zero", "linear"))] = "zero"
     delay: Annotated[float, options.option("--delay")] = 0.0
     horizon: Annotated[float | None, options.option("--horizon")] = None
 
@@ -160,7 +160,7 @@ def check_log(
         Path, typer.Argument(metavar="FILE", help=f"Table, or log: {', '.join(FORMATS_BY_SUFFIX)}.")
     ],
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
-    format_: Annotated[str, options.option("--format", known=FORMATS)] = "csv",
+    format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
     group: Annotated[str | None, options.option("--group")] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -193,11 +193,11 @@ class Errors:
     """Which motions are compared, when and how, and the folder of the outcome."""
 
     second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None
-    second_format: Annotated[str | None, options.option("--second-format", known=FORMATS)] = None
+    second_format: Annotated[str | None, options.option("--second-format", names=FORMATS)] = None
     topic: Annotated[str | None, options.option("--topic")] = None
     setpoint: Annotated[str | None, options.option("--setpoint")] = None
-    association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear"
-    align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None
+    association: Annotated[str, options.option("--association", names=ASSOCIATIONS)] = "linear"
+    align: Annotated[str | None, options.option("--align", names=ALIGNMENTS)] = None
     relative: Annotated[str | None, options.option("--relative")] = None
     begin: Annotated[str | None, options.option("--begin")] = None
     end: Annotated[str | None, options.option("--end")] = None
@@ -211,7 +211,7 @@ def log_errors(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
     second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
-    format_: Annotated[str, options.option("--format", known=FORMATS)] = "csv",
+    format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
     *,
     how: Errors,
     json: options.Json = False,
@@ -276,8 +276,8 @@ class Comparing:
     pair: Annotated[bool, options.option("--pair")] = False
     within: Annotated[str | None, options.option("--within")] = None
     period: Annotated[float | None, options.option("--period", min=0.0)] = None
-    metrics: Annotated[list[str] | None, options.option("--metric", known=QUANTITIES)] = None
-    of: Annotated[str, options.option("--of", known=("rms", "median", "largest"))] = "rms"
+    metrics: Annotated[list[str] | None, options.option("--metric", names=QUANTITIES)] = None
+    of: Annotated[str, options.option("--of", names=("rms", "median", "largest"))] = "rms"
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.05
     all_parameters: Annotated[bool, options.option("--all-parameters")] = False
     second: Annotated[Path | None, options.option("--second")] = None

@@ -93,8 +93,8 @@ def _of_run(result: Result, name: str, law: str, run: int) -> Array:
     dims, place = result.dims(name), stored_place(result, run)
     chosen: dict[str, Any] = {dim: place for dim in dims if dim.endswith("run")}
     if "controller" in dims:
-        known = law != REFERENCE or law in result.labels
-        chosen["controller"] = result.position_of(law) if known else 0
+        is_law = law != REFERENCE or law in result.labels
+        chosen["controller"] = result.position_of(law) if is_law else 0
     return result.read(name, **chosen)
 
 
@@ -116,9 +116,9 @@ def export_run(result: Result, path: Path, laws: list[str], run: int) -> None:
     """
     if path.exists():
         raise EqtError(f"--export: {path} exists; remove it, or give another name")
-    form, known = path.suffix, [".csv", ".tum", ".mat", ".mcap"]
-    if form not in known:
-        hint = suggestion(form, known) or f"; known: {', '.join(known)}"
+    form, formats = path.suffix, [".csv", ".tum", ".mat", ".mcap"]
+    if form not in formats:
+        hint = suggestion(form, formats) or f"; known: {', '.join(formats)}"
         raise EqtError(f"--export: unknown format '{form}'{hint}")
     flown = [*laws] or result.labels
     if form == ".mcap":

@@ -31,7 +31,7 @@ def of_twist(quantity: str, twist: Any, position: Any, attitude: Any) -> Any:
 
     times, x = twist.times, twist.numbers
     R = turns(attitude.at(times))
-    known = np.isfinite(attitude.at(times)).all(axis=1)
+    finite = np.isfinite(attitude.at(times)).all(axis=1)
     early, late = times - WINDOW, times + WINDOW
     poses = attitude if quantity == "rates" else position
     change = apart(poses.at(late), poses.at(early))
@@ -41,7 +41,7 @@ def of_twist(quantity: str, twist: Any, position: Any, attitude: Any) -> Any:
     for numbers in (x, R.apply(x)):
         path = cumulative_trapezoid(numbers, times, axis=0, initial=0)
         passed = make_interp_spline(times, path, k=1)
-        misfits.append(np.nanmean((passed(late) - passed(early) - change)[known] ** 2))
+        misfits.append(np.nanmean((passed(late) - passed(early) - change)[finite] ** 2))
     in_space, in_body = np.sqrt(misfits)
     is_of_body = quantity == "rates" or "body" in twist.topic
     if max(in_space, in_body) > CLEARLY * min(in_space, in_body):
@@ -50,7 +50,7 @@ def of_twist(quantity: str, twist: Any, position: Any, attitude: Any) -> Any:
         return twist
     turned = R.inv().apply(x) if quantity == "rates" else R.apply(x)
     heading = f"{twist.topic} (turned {'into' if quantity == 'rates' else 'from'} the body)"
-    return twist._replace(topic=heading, times=times[known], numbers=turned[known])
+    return twist._replace(topic=heading, times=times[finite], numbers=turned[finite])
 
 
 def in_axes(quantity: str, series: Any, mapping: LogMapping) -> Any:

@@ -254,11 +254,11 @@ class Sheet:
         for kind, lines in table.dropped.items():
             rows = count_of(len(lines), f"{kind} row")
             yield f"{rows} left out, the first in line {lines[0]}"
-        pairs, known = zip(self.names, self.headings, strict=True), {*table.columns}
+        pairs, columns = zip(self.names, self.headings, strict=True), {*table.columns}
         if self.geodetic is not None:
-            known |= {*geodetic.NAMES}
+            columns |= {*geodetic.NAMES}
             yield f"latitude, longitude and altitude are {self.geodetic.words}"
-        if unused := [heading for name, heading in pairs if name not in known]:
+        if unused := [heading for name, heading in pairs if name not in columns]:
             named = ", ".join(unused[:MAX_NAMED])
             more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
             verb = "is" if len(unused) == 1 else "are"
@@ -405,12 +405,12 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
         )
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
-    known = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
+    units = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
     sheet = Sheet(
-        name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
+        name, eqt_names, headings, units, ",", lines, numbers[1:], number, False, order, damaged
     )
     geodetic.refuse_lengths(mapping, units_of)
-    angles = geodetic.geodetic_of(eqt_names, headings, known, mapping)
+    angles = geodetic.geodetic_of(eqt_names, headings, units, mapping)
     return sheet if angles is None or not lines else sheet.with_positions(angles, mapping)
 
 

@@ -115,14 +115,14 @@ class Series(NamedTuple):
         before = after - 1
         if how == "held":
             before = after = np.searchsorted(times, t, side="right") - 1
-            values, known = numbers[before], before >= 0
+            values, valid = numbers[before], before >= 0
         elif how == "nearest":
             near = t - times[before] <= times[after] - t
             before = after = np.where(near, before, after)
-            values, known = numbers[before], abs(times[before] - t) <= NEAREST
+            values, valid = numbers[before], abs(times[before] - t) <= NEAREST
         else:
             share, step = (t - times[before]) / (times[after] - times[before]), np.diff(times)
-            known = (share >= 0) & (share <= 1) & (step[before] <= GAP * np.median(step))
+            valid = (share >= 0) & (share <= 1) & (step[before] <= GAP * np.median(step))
             values = numbers[before] + share[:, None] * (numbers[after] - numbers[before])
             if numbers.shape[1] == 4:
                 from scipy.spatial.transform import Rotation, Slerp  # slow to import
@@ -130,8 +130,8 @@ class Series(NamedTuple):
                 turn = Slerp(times, Rotation.from_quat(numbers, scalar_first=True))
                 values = turn(np.clip(t, *times[[0, -1]])).as_quat(scalar_first=True)
         span = [np.searchsorted(edges, x, side="right") for x in (t, times[before], times[after])]
-        known &= (span[0] == span[1]) & (span[0] == span[2])
-        return np.where(known[:, None], values, np.nan)
+        valid &= (span[0] == span[1]) & (span[0] == span[2])
+        return np.where(valid[:, None], values, np.nan)
 
 
 def left_out(table: LogTable) -> str:
@@ -591,10 +591,10 @@ def largest_group(
             )
         if incomplete := next(recording_check.incomplete_columns(names), None):
             raise InputError(f"{sheet.header_place}: {incomplete}")
-        known = ", ".join(pose_tables.QUATERNION)
+        quaternion = ", ".join(pose_tables.QUATERNION)
         raise InputError(
-            f"{name}: no columns of a pose were found, such as {known} or yaw, pitch, roll for a "
-            "rotation and x, y, z for a position; name them in a mapping, "
+            f"{name}: no columns of a pose were found, such as {quaternion} or yaw, pitch, roll "
+            "for a rotation and x, y, z for a position; name them in a mapping, "
             "`columns: {qx: …}`, or give the group, as SO3 for entries Q11 … Q33 of a matrix"
         )
     largest = max(fitting, key=lambda group: len(pose_tables.pose_columns(group)))
@@ -723,10 +723,10 @@ def motions_of(log: Log) -> dict[str, Series]:
     if G.columns:
         numbers["position"] = G.translations(one.poses)[..., 0]
         numbers["velocity"] = apply_matrix(R, V[:, -3:])
-    known = {name: values for name, values in numbers.items() if np.isfinite(values).all()}
+    finite = {name: values for name, values in numbers.items() if np.isfinite(values).all()}
     times, odd = own_times(log), left_out(log.table)
     return {
-        quantity: Series(name, times, values, left_out=odd) for quantity, values in known.items()
+        quantity: Series(name, times, values, left_out=odd) for quantity, values in finite.items()
     }
 
 
@@ -774,7 +774,7 @@ def difference(quantity: str, measured: Array, wanted: Array) -> Array:
 
 
 def paired(
-    known: Series, wanted: Series, spans: tuple[Array, Array], how: str, window: Sequence[float]
+    actual: Series, wanted: Series, spans: tuple[Array, Array], how: str, window: Sequence[float]
 ) -> Pair:
     """Return both series: the one nearer to its chords is interpolated, the longer one searched."""
 
@@ -785,10 +785,14 @@ def paired(
         chord = one._replace(times=one.times[::2], numbers=one.numbers[::2]).at(one.times[1:-1:2])
         return float(np.median(norm(np.nan_to_num(apart(one.numbers[1:-1:2], chord)))))
 
-    base, other, side = wanted, known, 1
-    is_shorter = len(known.times) <= len(wanted.times)
-    if is_shorter if how == "nearest" else how == "linear" and roughness(known) > roughness(wanted):
-        base, other, side = known, wanted, -1
+    base, other, side = wanted, actual, 1
+    is_shorter = len(actual.times) <= len(wanted.times)
+    if (
+        is_shorter
+        if how == "nearest"
+        else how == "linear" and roughness(actual) > roughness(wanted)
+    ):
+        base, other, side = actual, wanted, -1
     begin, end = window[0] - LEAST_ERROR, window[1] + LEAST_ERROR
     inside = (begin <= base.times) & (base.times <= end)
     base = base._replace(times=base.times[inside], numbers=base.numbers[inside])
@@ -867,7 +871,7 @@ NO_SPANS = np.empty(0), np.ones(1, bool)
 
 def tracking_errors(
     name: str,
-    known: dict[str, Series],
+    actual: dict[str, Series],
     wanted: dict[str, Series],
     spans: tuple[Array, Array] = NO_SPANS,
     association: str = "linear",
@@ -884,13 +888,13 @@ def tracking_errors(
     """
 
     def pair(q: str) -> Pair:
-        return paired(known[q], wanted[q], spans, association, window)
+        return paired(actual[q], wanted[q], spans, association, window)
 
     def attitudes() -> list[Series]:
-        return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
+        return [actual["attitude"], wanted["attitude"]] if "attitude" in shared else []
 
-    shared = [q for q in QUANTITIES if q in known and q in wanted]
-    pairs = [(known[q], wanted[q]) for q in shared]
+    shared = [q for q in QUANTITIES if q in actual and q in wanted]
+    pairs = [(actual[q], wanted[q]) for q in shared]
     times = _require_comparable(name, pairs)
     odd = {f"{x.topic}: {x.left_out}": 0 for pair in pairs for x in pair if x.left_out}
     if (align or relative) and "position" not in shared:
@@ -898,7 +902,7 @@ def tracking_errors(
     if align:
         position = enough(name, pair("position").rows(0.0, association), 1)
         frame = _frame(position, attitudes(), align, association)
-        known = {q: moved(q, series, *frame) for q, series in known.items()}
+        actual = {q: moved(q, series, *frame) for q, series in actual.items()}
     drift = list[str]()
     if relative:
         least = 2 if relative[1] else 1 + int(relative[0])
@@ -908,14 +912,14 @@ def tracking_errors(
         rows = {q: pair(q).rows(0.0, association) for q in shared}
         curves = {q: (t, difference(q, *two)) for q, (t, *two) in rows.items() if len(t)}
     if not curves:
-        raise InputError(f"{name}: {_nothing_left(known, wanted, times)}")
+        raise InputError(f"{name}: {_nothing_left(actual, wanted, times)}")
     sizes: list[ErrorSize] = []
     body = dict(zip(["position"], attitudes(), strict=False))
     for q, (_, errors) in curves.items():
         sizes += _sizes(q, errors, None if relative else pair(q), body.get(q))
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
-    topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
+    topics = {q: f"{actual[q].topic} − {wanted[q].topic}" for q in curves}
     goals, (edges, counts) = dict[str, Series](), spans
     for q in curves:
         t = wanted[q].times
@@ -944,11 +948,11 @@ def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:
     return times
 
 
-def _nothing_left(known: dict[str, Series], wanted: dict[str, Series], times: str) -> str:
+def _nothing_left(actual: dict[str, Series], wanted: dict[str, Series], times: str) -> str:
     if times:
         why = "setpoints that are not finite, and times outside begin and end (+5: from the start)"
         return f"no instant is left of {times}, without gaps, disarmed times, mode changes, {why}"
-    measured, goal = (", ".join(names) or "none" for names in (known, wanted))
+    measured, goal = (", ".join(names) or "none" for names in (actual, wanted))
     advice = "name the topic of the setpoints (--setpoint), or give a second file"
     return f"measured: {measured}; wanted: {goal}; {advice}"
 

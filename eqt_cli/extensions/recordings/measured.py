@@ -457,13 +457,13 @@ class MeasuredRun:
             return G.log(G.inverse(Q) @ P)
 
         return [
-            Error(name, less(known, desired), less(here, desired), less(known, here))
-            for name, less, known, here, desired in (
+            Error(name, less(actual, desired), less(here, desired), less(actual, here))
+            for name, less, actual, here, desired in (
                 ("pose", apart, seen.poses, run.pose, wanted.pose),
                 ("velocity", np.subtract, seen.velocities, run.velocity, wanted.velocity),
                 ("wrench", np.subtract, seen.wrenches, run.wrench, wanted.wrench),
             )
-            if not np.isnan(known).all()
+            if not np.isnan(actual).all()
         ]
 
     @property
@@ -667,12 +667,12 @@ def explained(measured: MeasuredRun, shown_in: ShownIn) -> Explanation:
 def _shares(G: MatrixLieGroup, error: Error, shown_in: ShownIn) -> Iterator[Share]:
     for part in G.parts:
         axes = list(range(*part.axes.indices(G.dimension)))
-        known = [axis for axis in axes if not np.isnan(error.measured[:, axis]).any()]
-        if not known:
+        complete = [axis for axis in axes if not np.isnan(error.measured[:, axis]).any()]
+        if not complete:
             continue
-        chosen = [("", known)]
+        chosen = [("", complete)]
         if len(axes) > 1:
-            chosen += [(G.axis_names[axis], [axis]) for axis in known]
+            chosen += [(G.axis_names[axis], [axis]) for axis in complete]
         unit, by = shown_in(error.quantity, error.unit(part))
         for name, of in chosen:
             every = error.measured, error.simulated, error.difference
@@ -723,11 +723,11 @@ def findings(
 
 def _row(share: Share, write: Plain) -> list[str]:
     numbers = (share.measured, share.simulated, share.difference)
-    known = share.explained == share.explained
+    is_explained = share.explained == share.explained
     return [
         write.text(f"{share.quantity}, {share.part.replace('_', ' ')}"),
         write.text(share.axis.lstrip("ωv") if share.axis else "all"),
         write.unit(share.unit),
         *(write.number(brief(number, 3)) for number in numbers),
-        write.text(percent(share.explained)) if known else "-",
+        write.text(percent(share.explained)) if is_explained else "-",
     ]

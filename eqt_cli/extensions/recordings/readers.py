@@ -61,8 +61,8 @@ class Topic(NamedTuple):
 
 def _since_boot(fields: dict[str, Any]) -> Any:
     """Return the times of the measurements if given, otherwise of the messages, ns; PX4 has µs."""
-    known = (fields.get(name, np.zeros(1)) for name in ("timestamp_sample", "timestamp"))
-    return 1000 * next((t for t in known if np.all(t > 0)), np.empty(0)).astype(int)
+    stamps = (fields.get(name, np.zeros(1)) for name in ("timestamp_sample", "timestamp"))
+    return 1000 * next((t for t in stamps if np.all(t > 0)), np.empty(0)).astype(int)
 
 
 def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -> Iterator[Topic]:
@@ -162,11 +162,11 @@ def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
 
 
 def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, store: Any) -> Topic:
-    known = {name for name, _ in store.fielddefs[kind][1]}
-    stamps = [name for name in ("timestamp", "timestamp_sample") if name in known]
-    if "header" in known:
+    members = {name for name, _ in store.fielddefs[kind][1]}
+    stamps = [name for name in ("timestamp", "timestamp_sample") if name in members]
+    if "header" in members:
         stamps = ["header.stamp.sec", "header.stamp.nanosec"]
-    names = {name.partition("[")[0] for name in wanted if re.split(r"[.[]", name)[0] in known}
+    names = {name.partition("[")[0] for name in wanted if re.split(r"[.[]", name)[0] in members}
     columns = [*stamps, *sorted(names)]
     get, times, rows, fields = attrgetter(*columns), [], [], dict[str, Any]()
     for time, message in messages:
@@ -177,11 +177,11 @@ def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, stor
         split = range(array.shape[1] if array.ndim > 1 else 0)
         fields |= {f"{column}[{k}]": array[:, k] for k in split} or {column: array}
     recorded = np.array(times, int)
-    if "header" in known and rows:
+    if "header" in members and rows:
         sec, rest = (fields[name].astype(int) for name in stamps)
         if (sec + rest).any():  # a header may not be set
             fields["recorded"], recorded = recorded / 1e9, 10**9 * sec + rest
-    elif "timestamp" in known:
+    elif "timestamp" in members:
         recorded = _since_boot(fields)
     return topic._replace(rows=len(rows), times=recorded, fields=fields)
 

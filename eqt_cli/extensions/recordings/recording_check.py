@@ -392,10 +392,10 @@ def recording_of(log: Log) -> Recording:
     motion = log.times, log.moved_poses, velocities, wrenches, log.gaps
     is_timed = log.mapping.time.offset is not None
     place = log.table.name, log.sheet.header_place
-    made = Recording(*place, G, *motion, is_timed, tuple(notes(log)))
+    recording = Recording(*place, G, *motion, is_timed, tuple(notes(log)))
     if not log.speeds:
-        return made
-    return replace(made, speeds=log.table.get(log.speeds), rotors=log.speeds)
+        return recording
+    return replace(recording, speeds=log.table.get(log.speeds), rotors=log.speeds)
 
 
 # Components that name the file of a recording -----------------------------------------------------

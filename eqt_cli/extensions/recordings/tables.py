@@ -127,13 +127,13 @@ def _quaternions(form: str, numbers: Array) -> Array:
     from scipy.spatial.transform import Rotation  # slow to import
 
     q, whole = np.full((len(numbers), 4), np.nan), np.isfinite(numbers).all(axis=1)
-    known = numbers[whole]
+    rows = numbers[whole]
     if form == "euler":
-        q[whole] = Rotation.from_euler("XYZ", known).as_quat()
+        q[whole] = Rotation.from_euler("XYZ", rows).as_quat()
     elif form == "mrp":
-        q[whole] = Rotation.from_mrp(known).as_quat()
+        q[whole] = Rotation.from_mrp(rows).as_quat()
     else:
-        R = known.reshape(-1, 3, 3)
+        R = rows.reshape(-1, 3, 3)
         off = abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ORTHOGONAL
         for k in np.flatnonzero(whole)[off | (np.linalg.det(R) < 0)][:1]:
             raise ValueError(f" with no rotation at row {k}, column 0")

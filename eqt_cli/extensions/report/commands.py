@@ -52,7 +52,7 @@ def report(
     # Surplus results, accepted so that the command can say what to do instead.
     more: Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)] = None,
     out: Annotated[Path | None, options.option("--out")] = None,
-    figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
+    figure: Annotated[list[str] | None, options.option("--figure", names="figures")] = None,
     against: Annotated[str, options.option("--against", autocompletion=completion.laws)] = "",
     title: Annotated[str, options.option("--title")] = "",
     author: Annotated[str, options.option("--author")] = "",

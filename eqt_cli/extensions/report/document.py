@@ -230,13 +230,13 @@ def named(names: Sequence[str]) -> list[Wanted]:
     ComponentError
         If there is no such figure.
     """
-    known = {
+    by_name = {
         figure.name: replace(figure, needs="")
         for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED))
     }
     for name in names:
         figures.get(name)
-    return [replace(known.get(name, Wanted(name)), requested=True) for name in names]
+    return [replace(by_name.get(name, Wanted(name)), requested=True) for name in names]
 
 
 def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:

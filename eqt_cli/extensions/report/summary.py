@@ -270,8 +270,8 @@ def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
         engine = engines.get(solver["engine"])
     except (KeyError, ComponentError):  # engine of a plugin that is not loaded here
         return solver
-    known = ("engine", *option_names(engine), *option_names(SolverChecks))
-    return {key: value for key, value in solver.items() if key in known}
+    options = ("engine", *option_names(engine), *option_names(SolverChecks))
+    return {key: value for key, value in solver.items() if key in options}
 
 
 def _tensor(value: Any) -> str | list[list[str]]:

@@ -63,8 +63,8 @@ class ShownFronts:
         record = TUNE.beside(results)
         self.results = results = held_out(results, record) if record else results
         laws = [law["label"] for law in record["laws"]] if record else []
-        known = {law: law_title(law) for law in laws}
-        wanted = [label_named(name, known) for name in chosen.controllers]
+        titles = {law: law_title(law) for law in laws}
+        wanted = [label_named(name, titles) for name in chosen.controllers]
         positions([results], figure, [name for name in wanted if name not in laws])
         if record is None or len(record["objectives"]) < 2:
             message = "shows the fronts of `eqt tune` with two `objectives`; this is none"

@@ -112,13 +112,13 @@ def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:
 def require_metric(name: str, base: Experiment) -> None:
     """Raise an `InputError` unless every run stores a metric of this name."""
     stored = [quantity.name for quantity in quantities(base)]
-    known = [q.name for q in METRICS if q.name in stored or q.implied_by in stored]
+    names = [q.name for q in METRICS if q.name in stored or q.implied_by in stored]
     # Those of one part of the group, such as ``effort_rotation``.
     in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
     starts = tuple(f"{metric.name}_" for metric in base.metrics)
-    known += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(starts)]
-    if name not in known:
-        hint = errors.suggestion(name, known) or f"; there are: {', '.join(known)}"
+    names += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(starts)]
+    if name not in names:
+        hint = errors.suggestion(name, names) or f"; there are: {', '.join(names)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
     for metric in base.metrics:
         if not f"{name}_".startswith(f"{metric.name}_"):  # neither it nor one of its parts

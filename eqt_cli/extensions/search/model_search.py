@@ -479,8 +479,8 @@ class _Models:
         from scipy.interpolate import RBFInterpolator
 
         # A point where only some runs failed still says what the others do.
-        known = np.isfinite(columns).all(axis=1) & (tried.lost < 1)
-        shares, columns = tried.shares[known], np.round(columns[known], DIGITS)
+        usable = np.isfinite(columns).all(axis=1) & (tried.lost < 1)
+        shares, columns = tried.shares[usable], np.round(columns[usable], DIGITS)
         while not _determined(shares, degree):
             if degree == 1:
                 return None

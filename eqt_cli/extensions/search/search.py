@@ -201,10 +201,10 @@ class Searches(ABC, Generic[S]):
 
     def begun_in(self, out: Path) -> Self:
         """Return the search by the engine that began its folder, if eqt chose another one."""
-        known = None
+        earlier = None
         with suppress(EqtError):  # what is wrong with the folder is told when it is claimed
-            known = (self.kind.record_in(out) or {}).get("engine")
-        engine = self.base.solver.begun_by(known, out)
+            earlier = (self.kind.record_in(out) or {}).get("engine")
+        engine = self.base.solver.begun_by(earlier, out)
         if engine is None:
             return self
         return self.read(changed_at(self.base.document, ("solver", "engine"), engine, str(out)))

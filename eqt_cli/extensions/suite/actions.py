@@ -166,12 +166,12 @@ def current(archive: Archive, tasks: Mapping[str, Task], name: str) -> Archive:
     if stale:
         remark = f"{name}: judged on other tasks than those of this eqt: {', '.join(stale)}"
         reporter().remark(EqtWarning(remark))
-    known = {n: d for n, d in archive.tasks.items() if n not in stale}
+    usable = {n: d for n, d in archive.tasks.items() if n not in stale}
     laws = {
-        label: replace(law, tasks={n: law for n, law in law.tasks.items() if n in known})
+        label: replace(law, tasks={n: law for n, law in law.tasks.items() if n in usable})
         for label, law in archive.laws.items()
     }
-    return Archive(known, laws, archive.suite)
+    return Archive(usable, laws, archive.suite)
 
 
 def with_archive(
@@ -181,8 +181,8 @@ def with_archive(
 
     Where the archive lacks the reference law, that is judged.
     """
-    known = current(archives.shipped_archive(), tasks, "the archive")
-    reference = known.laws.get(REFERENCE)
+    archive = current(archives.shipped_archive(), tasks, "the archive")
+    reference = archive.laws.get(REFERENCE)
     lacking = {
         name: task
         for name, task in tasks.items()
@@ -191,8 +191,8 @@ def with_archive(
     (law,) = part.laws.values()
     if lacking and law.digest != shipped_laws()[REFERENCE].digest:
         more = judge_law(shipped_laws()[REFERENCE], lacking, out / REFERENCE, workers)
-        known = joined([known, more])
-    return joined([known, part]), free_label(law, known.laws)
+        archive = joined([archive, more])
+    return joined([archive, part]), free_label(law, archive.laws)
 
 
 def file_in(result: Path) -> Path:
@@ -215,16 +215,16 @@ def beside_archive(
     results: Sequence[Path], tasks: Mapping[str, Task], labels: Sequence[str]
 ) -> tuple[Archive, list[str]]:
     """Return judged laws beside those of the archive, all or some, and the labels of the former."""
-    known = current(archives.shipped_archive(), tasks, "the archive")
+    archive = current(archives.shipped_archive(), tasks, "the archive")
     if labels:
-        known = replace(known, laws=chosen_laws([REFERENCE, *labels], known.laws))
+        archive = replace(archive, laws=chosen_laws([REFERENCE, *labels], archive.laws))
     new = list[str]()
     for result in results:
         part = current(archives.read(file_in(result)), tasks, str(result))
         for law in part.laws.values():
-            new.append(free_label(law, known.laws))
-            known = joined([known, Archive(part.tasks, {law.label: law})])
-    return known, new
+            new.append(free_label(law, archive.laws))
+            archive = joined([archive, Archive(part.tasks, {law.label: law})])
+    return archive, new
 
 
 def pack(result: Path, out: Path | None) -> Path:
@@ -333,8 +333,8 @@ def check(
         if label not in content.laws:
             raise EqtError(f"{path}: has no law '{label}'{suggestion(label, content.laws)}")
     named = None if law_file is None else read_law(law_file)
-    known = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
-    reference = known.laws.get(REFERENCE)
+    archive = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
+    reference = archive.laws.get(REFERENCE)
     reference = content.laws.get(REFERENCE, reference)
     for judged_law in content.laws.values():
         if labels and judged_law.label not in labels:
@@ -425,8 +425,8 @@ def propose(
         raise EqtError(f"{path}: a task is judged by two laws or more; {there}")
     folder = out or FOLDER / "proposed" / task.name
     parts = [judge_law(law, {task.name: task}, folder / law.label, workers) for law in fitting]
-    known = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
-    return proposals.proposal(task.name, joined(parts), known)
+    archive = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
+    return proposals.proposal(task.name, joined(parts), archive)
 
 
 def _first_line(text: str) -> str:

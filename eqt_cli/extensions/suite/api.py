@@ -100,15 +100,15 @@ def suite(
     >>> eqt["count"], 0.98 < eqt["geometric_mean"] < 1.01
     (6, True)
     """
-    known = chosen_tasks([])
+    all_tasks = chosen_tasks([])
     if law is None:
         wanted = chosen_tasks(tasks)
-        return SuiteTable(current(shipped_archive(), known, "the archive"), wanted)
+        return SuiteTable(current(shipped_archive(), all_tasks, "the archive"), wanted)
     judged = law_of(os.fspath(law))
     folder = FOLDER / judged.label if out is None else Path(out)
     if gains is None:
         part = judge_law(judged, chosen_tasks(tasks), folder, workers, force=force)
     else:
         part = judge_stated(judged, Path(gains), chosen_tasks(tasks), folder, workers)
-    beside, label = with_archive(part, known, folder.parent, workers)
-    return SuiteTable(beside, known, label, folder)
+    beside, label = with_archive(part, all_tasks, folder.parent, workers)
+    return SuiteTable(beside, all_tasks, label, folder)

@@ -382,13 +382,13 @@ def stated_gains(law: Law, path: Path, tasks: Mapping[str, Task]) -> dict[str, d
             here.add(f"no such task{suggestion(name, tasks)}")
             continue
         task = tasks[name]
-        known = [*task.ranges, *law.tunes]
+        numbers = [*task.ranges, *law.tunes]
         if not isinstance(written, dict):
-            here.add(f"expected {{{known[0]}: …}}, got {shown(written)}")
+            here.add(f"expected {{{numbers[0]}: …}}, got {shown(written)}")
             continue
         for number, value in written.items():
-            if number not in known and number not in {one.partition("[")[0] for one in known}:
-                here.at(number).add(f"no number of this law{suggestion(number, known)}")
+            if number not in numbers and number not in {one.partition("[")[0] for one in numbers}:
+                here.at(number).add(f"no number of this law{suggestion(number, numbers)}")
             elif not isinstance(value, int | float | list) or isinstance(value, bool):
                 here.at(number).add(f"expected a number, got {shown(value)}")
         values[name] = {law.key(number, task): value for number, value in written.items()}

@@ -55,7 +55,7 @@ def overview_table(tasks: Mapping[str, Task], archive: Archive) -> list[Any]:
     total = sum(_seconds(archive, name) for name in tasks)
     lines = ["", f"archive  {laws}"]
     if total:
-        known = sum(_seconds(archive, name) > 0 for name in tasks)
+        with_times = sum(_seconds(archive, name) > 0 for name in tasks)
         minutes = f"{total / 60:.1f} CPU minutes for a law with two gains"
-        lines.append(f"expected {minutes}, on {known} of {len(tasks)} tasks")
+        lines.append(f"expected {minutes}, on {with_times} of {len(tasks)} tasks")
     return [laid_out(table), *lines, "next     eqt suite mylaw.py"]

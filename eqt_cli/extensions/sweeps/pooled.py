@@ -95,16 +95,16 @@ def interval(logs: Array, how: Resampling, *, drawn: bool) -> Interval:
         points, Student's with the sum of both variances. The ends are NaN for fewer than `FEWEST`
         runs, or drawn points.
     """
-    known = np.isfinite(logs)
-    if not known.any():
+    finite = np.isfinite(logs)
+    if not finite.any():
         return Interval(math.nan, math.nan, math.nan)
-    mean = float(logs[known].mean())
-    off = np.where(known, logs - mean, 0.0)
+    mean = float(logs[finite].mean())
+    off = np.where(finite, logs - mean, 0.0)
     parts = []
     for axis in (0, 1):
-        used = known.any(axis=axis)
+        used = finite.any(axis=axis)
         # What each run, or point, adds to the mean.
-        parts.append(used.sum() * off.sum(axis=axis)[used] / known.sum())
+        parts.append(used.sum() * off.sum(axis=axis)[used] / finite.sum())
     parts = parts if drawn else parts[:1]
     if min(map(len, parts)) < FEWEST:
         return Interval(mean, math.nan, math.nan)

@@ -61,7 +61,7 @@ class Formula:
     unit: str = ""
 
     @classmethod
-    def read(cls, text: Any, place: Place, known: Sequence[str]) -> Formula:
+    def read(cls, text: Any, place: Place, names: Sequence[str]) -> Formula:
         """Parse a number, or a formula in known names and in keys of the configuration.
 
         Raises
@@ -73,12 +73,12 @@ class Formula:
             raise InputError(f"expected a number or a formula such as '2*w**2', got {shown(text)}")
         text, unit = str(text), ""
         try:
-            expression = formula(text, _names_in(text, known))
+            expression = formula(text, _names_in(text, names))
         except InputError:
             spaces = (match.start() for match in re.finditer(" ", text))
             split = ((text[:k], text[k + 1 :]) for k in spaces if units.size_of(text[k + 1 :]))
             number, unit = units.split(text) or next(split, (text, ""))
-            expression = formula(number, _names_in(number, known))
+            expression = formula(number, _names_in(number, names))
         return cls(text, place, expression, unit)
 
     def value(self, values: Mapping[str, float]) -> float | int | str:
@@ -115,7 +115,7 @@ class Condition:
     expression: Expression
 
     @classmethod
-    def read(cls, text: Any, place: Place, known: Sequence[str]) -> Condition:
+    def read(cls, text: Any, place: Place, names: Sequence[str]) -> Condition:
         """Parse a condition.
 
         Raises
@@ -128,7 +128,7 @@ class Condition:
             raise InputError(f"expected a comparison such as {example}, got {shown(text)}")
         try:
             inner = f"{_WRAPPED}{text}, 1, 0)"
-            return cls(text, place, formula(inner, _names_in(text, known)))
+            return cls(text, place, formula(inner, _names_in(text, names)))
         except InputError as error:
             cause = error.__cause__
             message = str(cause)
@@ -154,10 +154,10 @@ class Condition:
         return float(self.expression.evaluate(values)) == 1.0
 
 
-def _names_in(text: str, known: Sequence[str]) -> tuple[str, ...]:
+def _names_in(text: str, names: Sequence[str]) -> tuple[str, ...]:
     """Return the names that a formula may use: the known ones, and keys that are in its text."""
     sections = (name for name in _NAME.findall(text) if _is_key(name))
-    return tuple(dict.fromkeys((*known, *sections)))
+    return tuple(dict.fromkeys((*names, *sections)))
 
 
 def _is_key(name: str) -> bool:
@@ -213,12 +213,12 @@ class Rules:
                     with at.catching(key):
                         self._add(str(key), text, (*place, key), swept, later)
             elif kind == "where":
-                known = [*filter(str.isidentifier, swept), *self.formulas]
+                usable = [*filter(str.isidentifier, swept), *self.formulas]
                 several = isinstance(section, list) and section
                 for index, text in enumerate(section if several else [section]):
                     where = (*place, index) if several else place
                     with problems.catching(*where):
-                        self.filters.append(Condition.read(text, where, known))
+                        self.filters.append(Condition.read(text, where, usable))
             else:
                 with at.catching():
                     self.filters.append(Numbers.read(section, place))
@@ -235,8 +235,8 @@ class Rules:
         if other := next((name for name in (*swept, *self.formulas) if overlap(name, key)), None):
             does = "is set" if other in self.formulas else "is swept"
             raise InputError(f"{other} {does} already; remove one of them")
-        known = [*filter(str.isidentifier, swept), *filter(str.isidentifier, self.formulas)]
-        read = _read(text, place, known)
+        names = [*filter(str.isidentifier, swept), *filter(str.isidentifier, self.formulas)]
+        read = _read(text, place, names)
         for one in _flat(read):
             for name in one.expression.variables:
                 if same := next((name for other in (key, *later) if overlap(other, name)), None):
@@ -339,10 +339,10 @@ def _entries(entries: Mapping[Place, Mapping[str, Any]]) -> Iterator[tuple[str, 
             yield kind, (*place, kind), section
 
 
-def _read(text: Any, place: Place, known: Sequence[str]) -> Any:
+def _read(text: Any, place: Place, names: Sequence[str]) -> Any:
     if isinstance(text, list) and text:
-        return [_read(entry, (*place, index), known) for index, entry in enumerate(text)]
-    return Formula.read(text, place, known)
+        return [_read(entry, (*place, index), names) for index, entry in enumerate(text)]
+    return Formula.read(text, place, names)
 
 
 def _flat(read: Any) -> Iterator[Formula]:

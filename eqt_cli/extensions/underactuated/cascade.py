@@ -208,7 +208,7 @@ class Cascade(OuterLoop, ReadsLimits):
     along: list[Real] | None = None
     inner: Any = field(default=None, init=False, repr=False)  # Controller
     acting: Any = field(default=(), init=False, repr=False)
-    known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    known_forces: Any = field(default=(), init=False, repr=False)  # tuple of forces
     across: Any = field(default=(), init=False, repr=False)  # tuple of drags
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
     direction: Any = field(default=(), init=False, metadata=STRUCTURE)
@@ -300,7 +300,7 @@ class Cascade(OuterLoop, ReadsLimits):
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
         forces = {
-            "known": tuple(free for free, _ in parts),
+            "known_forces": tuple(free for free, _ in parts),
             "across": tuple(drag for _, drag in parts if drag),
             "acting": max(acting, key=len, default=()),
         }
@@ -377,7 +377,7 @@ class Cascade(OuterLoop, ReadsLimits):
         for k in range(self._order + 1):
             motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
             external: Any = 0.0
-            for force in self.known:
+            for force in self.known_forces:
                 external = external + force.in_space(G, Jet.time(s.t, k), motion) / mass
             integrand, feedback, estimate = self._feedback(s, motion)
             acceleration = _desired(s, 2, k) - feedback - external
@@ -454,7 +454,7 @@ class Cascade(OuterLoop, ReadsLimits):
     def wrench(self, s: Tracking, torque: Array) -> Array:
         """Return the command for that of the attitude law, torque or rate; with the push, body."""
         G, axis = rigid(s.G), np.array(self.direction)
-        for force in self.known:
+        for force in self.known_forces:
             if force.turns and self.commands == "torque":
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis

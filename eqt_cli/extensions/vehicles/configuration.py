@@ -244,9 +244,9 @@ def facts(v: Vehicle, body: Body) -> list[str]:
             lows = [rotor.low or 0.0 for rotor in v.rotors]
             lines[-1] += f", thrusts from {min(lows):.4g} to {max(highs):.4g} N"
     elif body.kind == "quadrotor" and v.rotors:
-        thrusts, known = body.thrusts, [r.k for r in v.rotors if r.k is not None]
-        if len(known) == len(v.rotors):
-            speeds = np.sign(thrusts) * np.sqrt(np.abs(thrusts) / np.array(known))
+        thrusts, factors = body.thrusts, [r.k for r in v.rotors if r.k is not None]
+        if len(factors) == len(v.rotors):
+            speeds = np.sign(thrusts) * np.sqrt(np.abs(thrusts) / np.array(factors))
             hover = f"hover at {_span(speeds)} rad/s"
         else:
             hover = f"hover by {_span(thrusts)} N"

@@ -377,10 +377,10 @@ def _water(m: Model, v: Vehicle, element: Element, scope: str, request: Request)
     if square.any() and not absolute.any():
         v.notes.append(f"{element.place}: xUU and the like are taken as xUabsU, |U| U")
         absolute = square
-    known = {f"{a}{b}abs{b}" for a, b in FOSSEN}
+    tags = {f"{a}{b}abs{b}" for a, b in FOSSEN}
     for child in element.children:
         name = re.fullmatch(r"[xyzkmn][UVWPQR]abs[UVWPQR]", child.tag)
-        if name and child.tag not in known and child.numbers(1).any():
+        if name and child.tag not in tags and child.numbers(1).any():
             v.notes.append(f"{child.place}: <{child.tag}> is left out")
     damping = np.concatenate([np.diag(linear), np.diag(absolute)])
     _check_damping(element.place, damping, "xU = −4 damps")

@@ -120,10 +120,10 @@ def with_mass(inertia, mass):
 
 WITHOUT = "the same as in the law: position error, velocity error, desired acceleration"
 FAULTS = {
-    "gravity": ({"known": ()},
+    "gravity": ({"known_forces": ()},
         f"push: lacks known forces, such as gravity: coefficient 0.00 of 1; {WITHOUT}"),
     "rates": ({"rates": "reference"}, "torque: Ω_c and Ω̇_c are those of the reference"),
-    "both": ({"rates": "none", "known": ()},
+    "both": ({"rates": "none", "known_forces": ()},
         f"push: lacks known forces, such as gravity: coefficient 0.00 of 1; {WITHOUT}; "
         "torque: Ω_c and Ω̇_c are 0"),
 }  # fmt: skip

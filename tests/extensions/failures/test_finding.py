@@ -7,14 +7,14 @@ import pytest
 from small_experiment import configuration
 
 from eqt_cli import api
-from eqt_cli.extensions.failures.finding import BadRuns, Known, findings
+from eqt_cli.extensions.failures.finding import BadRuns, Candidate, findings
 from eqt_cli.results.result import open_result
 
 RUNS = 200
 
 
 def numbers(random, count=8):
-    return [Known(f"n{k}", "1", random.standard_normal(RUNS)) for k in range(count)]
+    return [Candidate(f"n{k}", "1", random.standard_normal(RUNS)) for k in range(count)]
 
 
 def of_bad(bad):
@@ -34,10 +34,10 @@ def of_bad(bad):
 def test_a_planted_number_is_found_with_its_side(way, bad):
     """All runs beyond the planted limit are bad, and no other one."""
     known = numbers(np.random.default_rng(5))
-    known[3] = Known("planted", "N m", known[3].values)
+    known[3] = Candidate("planted", "N m", known[3].values)
     wrong = bad(known[3].values)
     first, *others = findings(known, of_bad(wrong))[0]
-    assert (first.known.name, first.way, first.telling) == ("planted", way, True)
+    assert (first.candidate.name, first.way, first.telling) == ("planted", way, True)
     if way in ("high", "low"):
         assert first.share == 1.0
         assert first.beyond == (wrong.sum(), wrong.sum())

@@ -212,7 +212,7 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
     )
     (tmp_path / "back.csv").write_text("t,yaw,pitch,roll\n1,0,0,0\n0,0,0,0\n")
     done = invoke("log", "check", "back.csv", code=2)
-    assert says(done.stderr, "back.csv:3: expected a time after 1 s, got 0 s…\n")
+    assert says(done.stderr, "eqt: error: back.csv:3: expected a time after 1 s, got 0 s…\n")
     with pytest.raises(ConfigError) as caught:
         eqt_cli.check_log("log.csv", {"quaternion": "zyxw", "time": {"offset": "frist"}})
     assert "quaternion: expected 'xyzw' or 'wxyz', got 'zyxw'" in str(caught.value)

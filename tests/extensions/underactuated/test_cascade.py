@@ -360,7 +360,7 @@ def test_a_wrong_mass_leaves_an_offset():
     plant = {**acting, "inertia": [*J, true, true, true]}
     loop, _, s = flown(np.linspace(0, 12, 2), np.eye(3), plant=plant)
     assert s.Q[-1, 2, 3] == pytest.approx(0.1 * MASS * G / (KX * MASS), abs=1e-6)
-    assert loop.controller.known[0].weight == MASS * G
+    assert loop.controller.known_forces[0].weight == MASS * G
 
 
 @pytest.mark.parametrize("rates", ["model", in_ci("compiles another loop", "filter")])
@@ -649,10 +649,14 @@ def test_a_model_is_what_acts_and_the_laws_may_know_the_plant():
     told = loop_of(model={"forces": "plant"}, plant={"forces": forces})
     again = loop_of(**experiment().resolved)
     for loop in (both, told, again):
-        assert repr(loop.controller.known) == repr(both.vehicle.forces) == repr(loop.vehicle.forces)
+        assert (
+            repr(loop.controller.known_forces)
+            == repr(both.vehicle.forces)
+            == repr(loop.vehicle.forces)
+        )
     falling = {**HOVER, "position": [0.0, 0.0, "-10*t**2"]}  # needs a push without weight, too
     unknowing = loop_of(model=None, plant={"forces": forces}, reference=falling)
-    assert unknowing.controller.known == () and len(unknowing.vehicle.forces) == 1
+    assert unknowing.controller.known_forces == () and len(unknowing.vehicle.forces) == 1
 
 
 @pytest.mark.needs("proofs")
@@ -735,7 +739,7 @@ def test_verify_compares_the_rates_with_those_of_the_commanded_attitude(
         wrong_rate()
     one = experiment(**{"reference": HELIX, **changes})
     ((label, loop),) = one.loops.items()
-    of_model = dataclasses.replace(loop, vehicle=Vehicle(forces=loop.controller.known))
+    of_model = dataclasses.replace(loop, vehicle=Vehicle(forces=loop.controller.known_forces))
     sample = sampled(label, of_model, 1.0, np.random.default_rng(1))
     (row,) = CommandedRates().check(sample)
     assert row.verdict == verdict
