@@ -1,7 +1,6 @@
 """How far a vehicle was from its setpoints, against closed forms and a plain program."""
 
 import struct
-import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from flights import dataflash, odometry, pose_stamped, ulog, write_bag
 from said import says
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
+from tiers import processor_time
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, InputError
@@ -332,9 +332,9 @@ def bomb(path):
 def test_a_bomb_is_refused_within_ten_seconds():
     path = bomb(Path("f.mcap"))
     assert path.stat().st_size < 100_000
-    begin = time.monotonic()
+    begin = processor_time()
     said = refusal(EqtError, eqt_cli.check_log, path)
-    assert time.monotonic() - begin < 10
+    assert processor_time() - begin < 10  # s, whatever else the machine does
     assert said.startswith("f.mcap: takes more than 6 s of the processor to be read")
 
 
