@@ -226,7 +226,10 @@ def add_title(axes: Axes, name: str, *, at_right: bool = False) -> None:
     # A little smaller rather than on two lines.
     lines = max(1, len(name)) / max(1, _characters(room, size, name or _SAMPLE))
     size *= max(_LEAST_SIZE, 1 / max(1.0, lines))
-    fit = max(_characters(room, size, name or _SAMPLE), *map(len, name.split()), 1)
+    fit = _characters(room, size, name or _SAMPLE)
+    if fit < len(name):  # one of its lines may have wider letters than the name
+        fit = min(fit, _characters(room, size))
+    fit = max(fit, *map(len, name.split()), 1)
     axes.set_title(free_text(name, fit), loc="right" if at_right else "center", fontsize=size)
 
 

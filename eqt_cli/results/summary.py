@@ -10,7 +10,6 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import suggestion
-from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
 from eqt_cli.base.stored import Status, signal_of
 from eqt_cli.results.metrics import RANKED, SUMMARY
 from eqt_cli.results.quantity import Plain, SweptKey
@@ -176,6 +175,9 @@ def owner_of(result: Result, swept: SweptKey) -> str:
 
 def unit_of_key(result: Result, swept: SweptKey) -> str:
     """Return the own unit of a swept key; empty for coordinates with mixed units."""
+    # Only sweeps have keys, and `compare` of others loads no expressions.
+    from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
+
     unit = TORQUE if swept.unit_of_key == STIFFNESS else swept.unit_of_key
     if unit in (POSE, VELOCITY):
         return ""
