@@ -121,10 +121,12 @@ class Summary(Panelled, OverTime):
         bounded = runs.shown[:BANDS] if len(runs.shown) > BANDS else []
         of = f" of {listed([e.title for e in bounded])}" if bounded else ""
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
-        runs.remarks.append(f"Curves: {f'{middle} over ' if several else ''}{runs.count()}{bands}.")
-        counted = (
-            f"{middle}{f', quartiles{of}' if bands else ''}, {runs.count()}" if several else ""
-        )
+        alike = not several and any(np.count_nonzero(e.good) > 1 for e in runs.shown)
+        over = f"{middle} over " if several else ""
+        count = f"{runs.count()}{', all alike' if alike else ''}"
+        runs.remarks.append(f"Curves: {over}{count}{bands}.")
+        counted = f"{middle}{f', quartiles{of}' if bands else ''}, " if several else ""
+        counted = f"{counted}{count}" if several or alike else ""
         runs.note = ", ".join(filter(None, [counted, runs.note]))
         return drawing
 
@@ -186,6 +188,7 @@ class Summary(Panelled, OverTime):
                 titles = listed([e.title for e in laws])
                 within.setdefault(titles, []).append(f"{apart} {unit}".removesuffix(" 1"))
         one = [f"{x}: one curve (medians within {' and '.join(y)})" for x, y in within.items()]
+        runs.remarks += [f"{words}; a panel shows their paired differences." for words in one]
         runs.note = ", ".join(filter(None, [*one, runs.note]))
         return alike
 

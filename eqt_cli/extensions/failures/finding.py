@@ -190,7 +190,8 @@ def bad_runs(result: Result, controller: int) -> BadRuns:
     order = np.argsort(-np.nan_to_num(values, nan=np.inf), kind="stable")
     bad = np.zeros(runs, dtype=bool)
     bad[order[:count]] = True
-    words = f"worst tenth by {result.quantity(name).plain}"
+    worst = "tenth" if count > least else f"{count} runs"
+    words = f"worst {worst} by {result.quantity(name).plain}"
     return BadRuns(controller, bad, decided & ~bad, words)
 
 
