@@ -20,6 +20,7 @@ from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS, navigates, without_inner
+from eqt_cli.config.document import value_at
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem, Work
 from eqt_cli.engines.horizon import Horizon
@@ -178,6 +179,10 @@ def _sensor_remarks(experiment: Experiment) -> Placed:
         limit, unit, says, meant, units = bound
         std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
         bias = sensor.bias_deviation(G)
+        written = value_at(experiment.document.data, parse_key(path)) or {}
+        is_bare = "density" not in written and not _has_unit(
+            [written.get("std"), written.get("value")]
+        )
         measured = [part for part in G.parts if part.name == sensor.of] or G.parts
         turns = np.array([part.turns for part in measured for _ in range(G.dimension)[part.axes]])
         of_unit = turns if "rad" in unit else ~turns
@@ -185,8 +190,15 @@ def _sensor_remarks(experiment: Experiment) -> Placed:
             most = 0.0 if sizes is None else np.max(sizes, where=of_unit, initial=0.0)
             if most > limit:
                 instead = " or ".join(f"'{most:g} {other}'" for other in units)
-                words = f"a {what} of {most:g} {unit} {says}; if {meant} were meant, write"
-                yield parse_key(path), f"{words} {instead}"
+                hint = f"; if {meant} were meant, write {instead}" if is_bare else ""
+                yield parse_key(path), f"a {what} of {most:g} {unit} {says}{hint}"
+
+
+def _has_unit(written: Any) -> bool:
+    """Whether a number is written with its unit, or one of several."""
+    if isinstance(written, dict):
+        written = list(written.values())
+    return isinstance(written, str) or (isinstance(written, list) and any(map(_has_unit, written)))
 
 
 MOST_TURNED = 1 / 3

@@ -300,7 +300,8 @@ def test_sensors_that_no_instrument_is_are_remarked(experiment):
     """Of the rotation: a noise of 2 m is one. A distribution counts by its rms."""
     sensors = (
         "{pose: [{kind: noise, std: [2, 0.1, 0, 2, 2, 2]}], velocity: [{kind: noise, std: 0.1}, "
-        "{kind: bias, value: [{normal: [0, 5]}, 0, 0, 9, 9, 9]}, {kind: bias, value: 0.4}]}"
+        "{kind: bias, value: [{normal: [0, 5]}, 0, 0, 9, 9, 9]}, {kind: bias, value: 0.4}, "
+        "{kind: bias, value: [60 deg/s, 0, 0, 0, 0, 0]}]}"
     )
     found = experiment(**sections_of(ON_SE3), control="{period: 0.1}", sensors=sensors)
     said = [str(remark).partition("sensors.")[2] for remark in remarks(found)]
@@ -309,6 +310,7 @@ def test_sensors_that_no_instrument_is_are_remarked(experiment):
         "seconds were meant, write '2 deg' or '2 arcsec'",
         "velocity[1]: a bias of 5 rad/s is more than any gyro has; if degrees were meant, write "
         "'5 deg/s' or '5 deg/h'",
+        "velocity[3]: a bias of 1.0472 rad/s is more than any gyro has",
     ]
 
 
