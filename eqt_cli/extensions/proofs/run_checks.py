@@ -13,6 +13,7 @@ from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
+from eqt_cli.components.vehicle_parts import presences
 from eqt_cli.engines.engine import Problem, Span
 from eqt_cli.extensions.laws.rejection import DISTURBANCE, Rejecting
 from eqt_cli.extensions.proofs.certificates import (
@@ -23,7 +24,6 @@ from eqt_cli.extensions.proofs.certificates import (
     Runs,
     Setting,
     TrajectoryCheck,
-    VehicleRuns,
     Verdict,
     joined,
     largest,
@@ -856,9 +856,15 @@ class StepsEndAtTimes(Problem):
         return super().spans_with(np.append(self.times, times))
 
 
-def window_times(runs: VehicleRuns) -> Array:
-    """Return the nodes of `WINDOWS` windows between instants, and the ends of the horizon."""
-    edges = np.unique(np.concatenate([span.grid for span in runs.problem.spans]))
+def window_times(problem: Problem) -> Array:
+    """Return the nodes of `WINDOWS` windows between instants, and the ends of the horizon.
+
+    Instants that runs draw count, too: a payload that is released takes its momentum along.
+    """
+    vehicle = problem.batched_loop().vehicle
+    drawn = [x.of_runs for x in presences([*vehicle.forces, *vehicle.actuators])]
+    spans = problem.spans_with(np.concatenate([np.empty(0), *drawn]))
+    edges = np.unique(np.concatenate([span.grid for span in spans]))
     chosen = np.unique(np.linspace(0, len(edges) - 2, WINDOWS, dtype=int))
     middle, half = (edges[1:] + edges[:-1])[chosen] / 2, np.diff(edges)[chosen] / 2
     inside = middle[:, None] + (1 - 2 * MARGIN) * np.multiply.outer(half, NODES)

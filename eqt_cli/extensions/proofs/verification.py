@@ -357,7 +357,8 @@ class _Verifier:
         few = np.arange(min(len(good), FEW_RUNS))
         if not len(few):
             return runs
-        problem = StepsEndAtTimes.of(runs.problem.select(few), window_times(runs))
+        selected = runs.problem.select(few)
+        problem = StepsEndAtTimes.of(selected, window_times(selected))
         engine = self._engine(batch)
         if (factor := max(TIGHTER, FINEST / engine.rtol)) < 1:
             engine = engine.tightened(factor)

@@ -54,7 +54,8 @@ def solved(folder, runs=4, config=CONFIG, label="eqt"):
     path.write_text(config, encoding="utf-8")
     [batch] = batches(study(read_config(path)), label, np.arange(runs))
     made = VehicleRuns(batch.problem, batch.engine.solve(batch.problem).states, 4, np.arange(runs))
-    problem = StepsEndAtTimes.of(made.problem.select(np.arange(1)), window_times(made))
+    few = made.problem.select(np.arange(1))
+    problem = StepsEndAtTimes.of(few, window_times(few))
     engine = batch.engine.tightened(TIGHTER)
     states, tolerances = engine.solve(problem).states, (engine.rtol, engine.atol)
     windows = VehicleRuns(problem, states, 4, np.arange(1), None, *tolerances)
@@ -181,6 +182,14 @@ def test_steps_end_where_the_force_is_integrated(tmp_path):
     windows = replace(vehicle.windows, states=batch.engine.tightened(TIGHTER).solve(problem).states)
     [row, _] = rows(replace(vehicle, windows=windows))
     assert row.measured > 1e-13
+
+
+def test_windows_end_where_a_payload_is_released_at_a_drawn_time(tmp_path):
+    """Released from a moving body, it takes a momentum along that no force gives."""
+    drawn = STIFF.replace("kd: 1.5", "kd: 1").replace("std: 0.5", "std: 1").replace("20,", "4,")
+    drawn = drawn.replace("since: 0.6, lasts: 0.8", "until: {uniform: [0.4, 1.6]}")
+    [row, _] = rows(solved(tmp_path, 1, drawn.replace("401", "3")))
+    assert row.verdict is Verdict.HOLDS
 
 
 @pytest.mark.parametrize("order", [0, 1], ids=["jump", "kink"])
