@@ -1,5 +1,6 @@
 """Keep-out cones in the block diagram, at the reference, which is looked at for them, too."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,7 +18,7 @@ def boxes(experiment: Experiment) -> Iterator[tuple[str, str, list[str]]]:
 
 
 def _in_words(cone: Cone) -> str:
-    moves = cone.at is None or any(isinstance(entry, str) and "t" in entry for entry in cone.at)
+    moves = cone.at is None or any(re.search(r"\bt\b", str(entry)) for entry in cone.at)
     where = "a moving direction" if moves else _listed(cone.at or [])
     return f"axis {_listed(cone.axis)}: {np.degrees(cone.angle):g}\u00a0deg off {where}"
 

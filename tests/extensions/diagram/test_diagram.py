@@ -80,6 +80,12 @@ def test_cones_and_bounds_that_end_runs_are_drawn_where_they_act():
     assert "ends as failed" not in eqt_cli.diagram("cubesat_sun").text()
 
 
+def test_a_cone_whose_direction_has_a_function_with_a_t_does_not_move():
+    cone = {"axis": [0, 0, 1], "at": ["sqrt(2)", 0, 1], "angle": "30 deg"}
+    metrics = [{"kind": "keep_out_time", "cones": [cone]}]
+    assert "off (sqrt(2), 0, 1)" in eqt_cli.diagram("cubesat_sun", {"metrics": metrics}).text()
+
+
 def test_the_torque_of_a_law_stands_before_what_rejects_for_it():
     rejecting = {"kind": "indi", "law": "lee2010", "cutoff": "0.1 Hz"}
     text = eqt_cli.diagram("satellite_breaks", {"controllers": [rejecting]}).text()
