@@ -49,7 +49,7 @@ def joined(of_samples: Array, of_runs: Array, confidence: float) -> Interval:
 def joined_over(tasks: Sequence[tuple[Array, Array]], confidence: float) -> Interval:
     """Return the mean over fixed tasks of what `joined` returns for one of them.
 
-    Samples and runs of two tasks are independent, so their variances add.
+    Samples and runs of two tasks are counted as independent: their variances add.
     """
     from scipy.special import stdtrit  # slow to import
 

@@ -30,6 +30,11 @@ CONFIDENCE = 0.95
 SPENT = 1e-9
 """Relative difference of the mean cost above which it is another one; errors must be equal."""
 
+MORE_SPENT = 1.2
+"""What a law may spend on fresh runs, as a multiple of what the file states, over the same of the
+reference law: that is 0.98 to 1.08 for laws of the archive. Runs that are not drawn could state any
+cost."""
+
 
 @dataclass(frozen=True)
 class Recomputed:
@@ -67,6 +72,9 @@ class Optimism:
         The fresh one over the public one, with its interval over the runs of both.
     failed
         Number of fresh runs that failed.
+    spent
+        What the law spends on the fresh runs, as a multiple of what the file states, over the same
+        of the reference law, since all runs of a seed can cost more; 1 for all tasks together.
     """
 
     law: str
@@ -75,11 +83,17 @@ class Optimism:
     fresh: float
     factor: Interval
     failed: int = 0
+    spent: float = 1.0
+
+    @property
+    def spends_more(self) -> bool:
+        """Whether the law spends more on fresh runs than the file states."""
+        return self.spent > MORE_SPENT
 
     @property
     def is_optimistic(self) -> bool:
-        """Whether the fresh ratio is worse by more than `NEGLIGIBLE`, beyond doubt."""
-        return self.failed > 0 or self.factor.low > 1 + NEGLIGIBLE
+        """Whether the fresh ratio is worse by more than `NEGLIGIBLE`, beyond doubt, or dearer."""
+        return self.failed > 0 or self.spends_more or self.factor.low > 1 + NEGLIGIBLE
 
 
 def fresh_seed(law: JudgedLaw, tasks: Mapping[str, Task]) -> int:
@@ -157,20 +171,34 @@ def optimism(
         if not (public[0].is_whole and public[1].is_whole):
             continue
         renewed = with_judge(task, seed)
-        errors = []
+        errors, costs = list[Array](), list[Array]()
         for law, of_law in zip(laws, public, strict=True):
             points: list[Values] = [dict(values) for values in of_law.values if values is not None]
-            errors.append(held_out(law.in_task(task), renewed, points, workers)[0])
+            of_errors, of_costs = held_out(law.in_task(task), renewed, points, workers)
+            errors.append(of_errors)
+            costs.append(of_costs)
+        of_law, of_reference = (
+            _times(float(np.mean(cost)), float(np.mean(one.spent)))
+            for cost, one in zip(costs, public, strict=True)
+        )
+        spent = _times(of_law, of_reference)
         failed = int(np.isnan(errors[0]).sum())
         good: Array = np.isfinite(np.concatenate(errors)).all(axis=0)
         a, b = errors[0][:, good], errors[1][:, good]
         samples = max(len(a), len(b))
         a, b = (np.broadcast_to(numbers, (samples, int(good.sum()))) for numbers in (a, b))
         parts.append((logs_of(a, b), logs_of(*both_on_samples(*public))))
-        rows.append(_optimism(judged[0].label, name, parts[-1:], confidence, failed))
+        rows.append(_optimism(judged[0].label, name, parts[-1:], confidence, failed, spent))
     if len(parts) > 1:
-        rows.append(_optimism(judged[0].label, "", parts, confidence, 0))
+        rows.append(_optimism(judged[0].label, "", parts, confidence))
     return rows
+
+
+def _times(fresh: float, stated: float) -> float:
+    """Return a cost as a multiple of a stated one, which may be 0, or missing in a file."""
+    if fresh == stated:
+        return 1.0
+    return fresh / stated if stated > 0 else math.inf
 
 
 def _optimism(
@@ -178,7 +206,8 @@ def _optimism(
     task: str,
     parts: Sequence[tuple[tuple[Array, Array], tuple[Array, Array]]],
     confidence: float,
-    failed: int,
+    failed: int = 0,
+    spent: float = 1.0,
 ) -> Optimism:
     """Return the optimism on a task, or over several.
 
@@ -193,7 +222,7 @@ def _optimism(
         terms += [(np.array([-of_public.mean()]), public_runs)]
     half = joined_over(terms, confidence)
     factor = Interval(*(math.exp(2 * x) for x in half))
-    return Optimism(law, task, math.exp(public), math.exp(fresh), factor, failed)
+    return Optimism(law, task, math.exp(public), math.exp(fresh), factor, failed, spent)
 
 
 def other_keys(law: Law, judged: JudgedLaw, tasks: Mapping[str, Task]) -> list[str]:

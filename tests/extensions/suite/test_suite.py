@@ -284,6 +284,11 @@ def test_a_law_is_judged_packed_and_checked_under_any_name(small, invoke):
     assert "a file is data" in invoke("suite", "check", pack, "--no-fresh").stdout
     again = "suite", "check", pack, "--no-fresh", "--share", "1", "--law"
     assert "60 computed again: none differ" in invoke(*again, "moved/other.py").stdout
+    pretended = archive.read(Path(pack))
+    pretended.laws["mine"].sources["mine.py"] += "# a different text to read\n"
+    archive.write(small / "pretended.zip", pretended)
+    told = invoke("suite", "check", "pretended.zip", "--law", "mine.py", "--no-fresh", code=4)
+    assert "mine.py in the file is not the law of its hash" in told.stdout
     changed = archive.read(Path(pack))
     changed.laws["mine"].tasks["quad_att"].errors[:] *= 0.9
     archive.write(Path(pack), changed)
@@ -298,7 +303,7 @@ def test_fresh_runs_tell_a_law_that_was_fitted_to_the_public_ones(monkeypatch):
 
     def held_out(document, task, points, workers):
         (entry,) = document.data["controllers"]
-        return fresh[entry["label"]], np.ones(3)
+        return fresh[entry["label"]], np.full(3, 0.6)
 
     monkeypatch.setattr(checking, "held_out", held_out)
     laws = {name: Law(name, {"kind": "gt"}) for name in fresh}
@@ -311,6 +316,12 @@ def test_fresh_runs_tell_a_law_that_was_fitted_to_the_public_ones(monkeypatch):
     assert rows["fitted"][0].factor.value == pytest.approx(1 / 0.7, rel=1e-12)
     assert rows["fitted"][0].is_optimistic
     assert not rows["honest"][0].is_optimistic
+    for stated in (0.4, 0.0, math.nan):  # of what runs cost that no check computes again
+        of_task = replace(judged(1.02), spent=np.full(3, stated))
+        cheap = replace(whole.laws["honest"], tasks={"quad_att": of_task})
+        of_laws = laws["honest"], laws["gt"]
+        (row,) = checking.optimism(of_laws, (cheap, whole.laws["gt"]), {"quad_att": task}, 1)
+        assert row.is_optimistic
 
 
 def test_a_task_is_told_from_a_copy_and_from_noise():
