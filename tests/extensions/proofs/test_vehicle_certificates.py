@@ -1,5 +1,6 @@
 """Certificates of what is between law and plant; each planted fault fails its own row."""
 
+import re
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
@@ -184,12 +185,23 @@ def test_steps_end_where_the_force_is_integrated(tmp_path):
     assert row.measured > 1e-13
 
 
+@pytest.mark.ci("compiles a loop")
 def test_windows_end_where_a_payload_is_released_at_a_drawn_time(tmp_path):
     """Released from a moving body, it takes a momentum along that no force gives."""
     drawn = STIFF.replace("kd: 1.5", "kd: 1").replace("std: 0.5", "std: 1").replace("20,", "4,")
     drawn = drawn.replace("since: 0.6, lasts: 0.8", "until: {uniform: [0.4, 1.6]}")
     [row, _] = rows(solved(tmp_path, 1, drawn.replace("401", "3")))
     assert row.verdict is Verdict.HOLDS
+
+
+@pytest.mark.ci("compiles a loop")
+def test_a_force_too_fast_for_its_windows_is_not_judged(tmp_path):
+    """With three samples a window is 5 s; its bound would pass a force that is 30 % off."""
+    force = '[{kind: expression, force: ["0.3*sin(40*t)", 0, 0, 0, 0, 0]}]'
+    fast = re.sub(r"forces: .*}", f"forces: {force}}}", STIFF).replace(
+        "20, samples: 401", "10, samples: 3"
+    )
+    assert verdicts(solved(tmp_path, 1, fast))[0] is Verdict.UNDECIDED
 
 
 @pytest.mark.parametrize("order", [0, 1], ids=["jump", "kink"])
