@@ -60,7 +60,7 @@ class ShownRuns(ShownControllers):
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         super().__init__(results, figure, chosen)
-        self._chosen = chosen
+        self.chosen = chosen
         for result in results:
             self._check_stored(result, "lyapunov")
             if len(result.times) < 2:
@@ -96,7 +96,7 @@ class ShownRuns(ShownControllers):
 
     def _samples(self, result: Result) -> Array:
         """Return the indices of the samples that are shown."""
-        return self._chosen.samples(result.times, partial(error_of, result, self.figure))
+        return self.chosen.samples(result.times, partial(error_of, result, self.figure))
 
     def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
         """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -388,12 +388,19 @@ LawRow = dict[str, Axes]
 
 def first_laws(shown: ShownControllers, most: int) -> list[Ensemble]:
     """Show only the first laws, and name the others in a remark."""
-    laws, others = shown.shown[:most], shown.shown[most:]
-    if others:
-        shown.ensembles = laws
-        named = ", ".join(f"“{e.title}”" for e in others)
-        shown.remarks.append(f"The first {most} laws; no room for {named}.")
-        shown.note = f"first {most} of {most + len(others)} laws"
+    total = len(shown.shown)
+    which = f"The first {most} laws", f"first {most} of {total} laws"
+    return keep_laws(shown, shown.shown[:most], *which)
+
+
+def keep_laws(
+    shown: ShownControllers, laws: list[Ensemble], which: str, note: str
+) -> list[Ensemble]:
+    """Show only these laws, name the others in a remark after `which`, and set the note."""
+    labels = [e.label for e in laws]
+    if others := [f"“{e.title}”" for e in shown.shown if e.label not in labels]:
+        shown.ensembles, shown.note = laws, note
+        shown.remarks.append(f"{which}; no room for {', '.join(others)}.")
     return laws
 
 

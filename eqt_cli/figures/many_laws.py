@@ -71,7 +71,7 @@ def draw_laws(
         drawn[name] = {law: np.quantile(x, (0.5, 0.25, 0.75), axis=0) for law, x in of.items()}
     is_torque = signal == "torque_norm"
     share, first = 1.0 if is_torque else _CLOSING, drawn[signals[0]]
-    order = sorted(first, key=lambda label: _late_mean(first[label][0], share))
+    order = by_late_mean({label: of[0] for label, of in first.items()}, share)
     laws = {e.label: e for e in runs.shown}
     rows = int(layout.TALLEST[width] / layout.LOWEST_PANEL) // len(signals)
     columns = min(max(_COLUMNS[width], -(-len(order) // rows)), _COLUMNS[width] + 1)
@@ -107,6 +107,11 @@ def draw_laws(
     what = "Median and quartiles over runs" if differ else "One curve"
     drawing.set_label(f"{what}, a panel for each law; grey: the others.")
     return drawing
+
+
+def by_late_mean(middles: Mapping[str, Array], share: float = _CLOSING) -> list[str]:
+    """Return the labels of laws, that with the least mean over the last share of time first."""
+    return sorted(middles, key=lambda label: _late_mean(middles[label], share))
 
 
 def limit_look() -> dict[str, Any]:

@@ -332,3 +332,22 @@ def test_a_pose_of_two_results_with_other_samples(made_once):
     folder = made_once("poses of other samples", make)
     drawing = eqt_cli.figure([folder / "21", folder / "31"], "pose")
     assert {len(line.get_xdata()) for line in drawing.axes[0].lines} == {21, 31}
+
+
+@pytest.mark.parametrize("figure", [PathFigure, PoseFigure])
+def test_of_many_laws_the_first_and_those_that_end_nearest_are_drawn(
+    figure, se3, altered, opened, monkeypatch
+):
+    errors = opened(se3)["attitude_angle"].copy()
+    labels = opened(se3).labels
+    errors[...] = np.array([4.0, 2.0, 3.0, 1.0])[:, None, None]
+    monkeypatch.setattr("eqt_cli.extensions.bodies.figures._most_together", lambda _: 2)
+    drawing = figure().draw([altered(se3, attitude_angle=errors)], "column")
+    drawn = {line.get_label().split()[0] for axes in drawing.axes for line in axes.lines}
+    assert drawn & set(labels) == {labels[0], labels[3]}
+    title = opened(se3).titles[0]
+    assert f"{title} and the 1 of 4 laws with the least closing error" in drawing.get_supxlabel()
+    errors[0] = 0.5
+    captions = []
+    figure().draw([altered(se3, attitude_angle=errors)], "column", captions=captions)
+    assert any(said.startswith("2 of 4 laws with the least closing error; no") for said in captions)

@@ -1,7 +1,7 @@
 """Figures of where a body went: paths in space and on the sphere, and its pose over time."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -23,11 +23,11 @@ from eqt_cli.extensions.bodies.coloured import add_bar, draw_by_error, shades_of
 from eqt_cli.extensions.bodies.shapes import camera, course, outline, upright
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws
+from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, keep_laws
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
-from eqt_cli.figures.many_laws import draw_laws
-from eqt_cli.figures.shown import MOST_COLOURS, Ensemble
+from eqt_cli.figures.many_laws import by_late_mean, draw_laws
+from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, looks
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
 # Figure of paths, in planes, in space, or of an axis on the sphere --------------------------------
@@ -140,7 +140,8 @@ class PathFigure(OverTime):
         if self._winds(view, paths):
             return self._over_time(runs, width, paths)
         most = _MOST_SPHERES[width] if view == "sphere" else _most_together(runs)
-        paths = paths[: len(first_laws(runs, most))]
+        laws = {law.label: law for law in _best_laws(runs, most)}
+        paths = [p._replace(law=laws[p.law.label]) for p in paths if p.law.label in laws]
         away = {
             path.law.label: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
             for path in paths
@@ -531,7 +532,7 @@ class PoseFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
-        first_laws(runs, _most_together(runs))
+        _best_laws(runs, _most_together(runs))
         parts = sorted(G.parts, key=lambda part: part.turns)
         units = {part.name: "deg" if part.turns else part.pose_unit for part in parts}
         shown_in = {name: runs.results[0].shown_in("", unit) for name, unit in units.items()}
@@ -597,6 +598,25 @@ def _which(paths: Sequence[Flown]) -> str:
 def _most_together(runs: ShownRuns) -> int:
     """Return how many laws share a panel at most."""
     return MOST_COLOURS * len(runs.results)
+
+
+def _best_laws(runs: ShownRuns, most: int) -> list[Ensemble]:
+    """Show only the first law and those with the least closing error; name the others."""
+    shown, signal = runs.shown, runs.drawn_signal(f"pose_error{runs.parts[0]}")
+    if len(shown) <= most or not all(one.is_over_time(signal) for one in runs.results):
+        return first_laws(runs, most)
+    middles = {e.label: np.median(runs.errors(signal, e, degrees=False), axis=0) for e in shown}
+    order, first = by_late_mean(middles), shown[0]
+    best, which = order[:most], f"{most} of {len(shown)} laws"
+    if first.label not in best:
+        best = [first.label, *order[: most - 1]]
+        which = f"{first.title} and the {most - 1} of {len(shown)} laws"
+    which += " with the least closing error"
+    laws = [e for e in shown if e.label in best]
+    places = [[e.controller for e in laws if e.results is result] for result in runs.results]
+    coloured = looks(runs.results, places, runs.figure, runs.chosen)  # also laws that were grey
+    laws = [replace(e, look=look) for e, look in zip(laws, coloured, strict=True)]
+    return keep_laws(runs, laws, which, which)
 
 
 def _euler(R: Array) -> Array:
