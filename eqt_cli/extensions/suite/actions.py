@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
+from shlex import quote
 from typing import Any, TypeVar
 
 from eqt_cli.base.errors import EqtError, EqtWarning, suggestion
@@ -336,9 +337,7 @@ def check(
             raise EqtError(f"{path}: has no law '{label}'{suggestion(label, content.laws)}")
     named = None if law_file is None else read_law(law_file)
     archive = current(archives.shipped_archive(), chosen_tasks([]), "the archive")
-    reference = archive.laws.get(REFERENCE)
-    of_file = content.laws.get(REFERENCE)  # a law of a user can have this label, too
-    reference = of_file if of_file and of_file.digest == laws[REFERENCE].digest else reference
+    reference = reference_of(content, archive, laws[REFERENCE].digest)
     for judged_law in content.laws.values():
         if labels and judged_law.label not in labels:
             continue
@@ -356,6 +355,18 @@ def check(
     return checked
 
 
+def reference_of(content: Archive, archive: Archive, digest: str) -> JudgedLaw | None:
+    """Return the reference law that a file is checked against: what the archive has of it counts.
+
+    A law of a user can have its label, too, and a file could state any cost of it.
+    """
+    of_file, of_archive = content.laws.get(REFERENCE), archive.laws.get(REFERENCE)
+    if of_file is None or of_file.digest != digest:
+        return of_archive
+    tasks = of_archive.tasks if of_archive else {}
+    return replace(of_file, tasks={**of_file.tasks, **tasks})
+
+
 def _law_of(
     judged_law: JudgedLaw, named: Law | None, laws: Mapping[str, Law], checked: Checked
 ) -> Law | None:
@@ -366,7 +377,7 @@ def _law_of(
         sources = ", ".join(judged_law.sources) or "its file"
         checked.unchecked.append(
             f"{judged_law.label}: not run, since a file is data; read {sources} in it "
-            f"(`unzip {checked.file}`), then add --law FILE"
+            f"(`unzip {quote(str(checked.file))}`), then add --law FILE"
         )
     elif law.digest != judged_law.digest:
         place = law.file or "this eqt"

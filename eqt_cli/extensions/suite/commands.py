@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -34,7 +35,7 @@ class _Suite(Group):
 
 app = typer.Typer(
     cls=_Suite,
-    help="Judge tracking laws on standard tasks, at equal effort, beside the laws of an archive.",
+    help="Judge tracking laws on standard tasks, at a bounded effort, beside those of an archive.",
     epilog=example("eqt suite", "mylaw.py"),
     invoke_without_command=True,
 )
@@ -44,12 +45,18 @@ Laws = Annotated[str | None, options.option("--laws")]
 
 
 def _names(listed: str | None) -> list[str]:
-    return [name.strip() for name in (listed or "").split(",") if name.strip()]
+    """Return the names in an option; without the option none, which stands for all."""
+    if listed is None:
+        return []
+    names = [name.strip() for name in listed.split(",")]
+    if not all(names):
+        raise EqtError(f"expected names as A,B, got '{listed}'; without the option, all are meant")
+    return names
 
 
 @app.callback()
 def main(ctx: typer.Context, json: options.Json = False) -> None:
-    """Judge tracking laws on standard tasks, at equal effort, beside the laws of an archive."""
+    """Judge tracking laws on standard tasks, at a bounded effort, beside those of an archive."""
     if ctx.invoked_subcommand is not None:
         return
     from eqt_cli.extensions.suite.actions import current
@@ -99,7 +106,9 @@ def run(
     _print(table.archive, table.tasks, TableFormat.TEXT, json=json, laws=[table.law])
     if json:
         return
-    output.print_text(f"results  {table.folder}", f"next     eqt suite pack {table.folder}")
+    output.print_text(
+        f"results  {table.folder}", f"next     eqt suite pack {quote(str(table.folder))}"
+    )
 
 
 @app.command("show", cls=Command, epilog=example("eqt suite show", "results/suite/mylaw"))
@@ -156,7 +165,7 @@ def pack(
     path = actions.pack(result, out)
     size = path.stat().st_size
     answer = {"file": str(path), "bytes": size}
-    lines = [f"{path}, {size / 1e3:.0f} kB", f"next     eqt suite check {path}"]
+    lines = [f"{path}, {size / 1e3:.0f} kB", f"next     eqt suite check {quote(str(path))}"]
     output.print_findings(answer, *lines, json=json)
 
 
@@ -177,8 +186,8 @@ def check(
 ) -> None:
     """Compute a share of the runs again, and judge the laws on fresh runs.
 
-    The exit code is 4 if runs differ, or if a law is worse on fresh runs than on the public ones by
-    more than chance and 1 %. A file is data: it runs nothing.
+    The exit code is 4 if runs differ, or if a law on fresh runs fails, is worse than on the public
+    ones by more than chance and 1 %, or spends more than stated. A file is data: it runs nothing.
 
     Options
     -------

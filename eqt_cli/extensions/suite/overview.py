@@ -49,8 +49,8 @@ def overview_table(tasks: Mapping[str, Task], archive: Archive) -> list[Any]:
                 f"{seconds:.0f}" if seconds else "-",
             ]
         )
-    header = ["task", "what it is", "laws", "all spend", "archived", "CPU s"]
-    table = TextTable("suite", f"{heading(tasks)}", header, [Block("", rows)], spare=("all spend",))
+    header = ["task", "what it is", "laws", "may spend", "archived", "CPU s"]
+    table = TextTable("suite", f"{heading(tasks)}", header, [Block("", rows)], spare=("may spend",))
     laws = ", ".join(archive.laws) or "none yet; `eqt suite archive` computes them"
     total = sum(_seconds(archive, name) for name in tasks)
     lines = ["", f"archive  {laws}"]

@@ -57,10 +57,11 @@ def task_table(
             blocks.append(Block(write.text(f"{name}: {task.section.says}"), rows))
     header = ["law", "ratio to GT", "median run", "better in", "failed", "effort", "verdict"]
     notes = [
-        "ratio to GT: mean error over the mean error of GT, both tuned at the same effort on the "
-        "same training samples, with a 95 % interval over samples and held-out runs",
+        "ratio to GT: mean error over the mean error of GT, both tuned on the same training "
+        "samples to spend at most the same effort, with a 95 % interval over samples and held-out "
+        "runs",
         "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
-        "law spends on held-out runs, as a share of what all should spend",
+        "law spends on held-out runs, as a share of the most that all may spend in training",
     ]
     if any(judgement.verdict == FAILS for judgement in of_tasks):
         notes.append(
@@ -152,10 +153,12 @@ def answer(
             lines.append(f"{over}, there is no mean: it fails on {row.verdicts[FAILS]}.")
     if not any(row.law == law for row in rows):
         lines.append("There is no mean over tasks: this needs a whole set of tasks.")
+    of_reference = {x.task: x.spent for x in of_tasks if x.law == REFERENCE}
     for judgement in of_law:
-        if abs(judgement.spent - 1) > EQUAL:
-            spent = fixed(judgement.spent, 2)
-            lines.append(f"On {judgement.task}, it spends {spent} of what all should spend.")
+        of_gt = of_reference[judgement.task]
+        if abs(judgement.spent - of_gt) > EQUAL * of_gt:
+            spent = f"{fixed(judgement.spent, 2)} of what all may spend, and GT {fixed(of_gt, 2)}"
+            lines.append(f"On {judgement.task}, it spends {spent}.")
     return lines
 
 

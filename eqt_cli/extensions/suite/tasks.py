@@ -87,7 +87,7 @@ class SuiteSection(Section):
     objective
         The metric of each run that is made small.
     equal
-        What all laws spend, as in `tune`.
+        The most that all laws may spend, as in `tune`.
     gains
         Ranges of the gains of every law, `kp` and `kd`, also with entries, `kp[0:3]`; and of keys
         that all laws share, such as `controllers[0].position.kx`.
@@ -133,7 +133,7 @@ class Task:
 
     @property
     def cost(self) -> tuple[str, float]:
-        """The metric of which all laws spend the same, and how much."""
+        """The metric of what laws spend, and how much of it all may spend."""
         return next(iter(self.section.equal.items()))
 
     @cached_property

@@ -13,7 +13,15 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.intervals import Interval
 from eqt_cli.base.errors import ConfigError, EqtError
-from eqt_cli.extensions.suite import archive, checking, proposals, repeats, tables, verdicts
+from eqt_cli.extensions.suite import (
+    actions,
+    archive,
+    checking,
+    proposals,
+    repeats,
+    tables,
+    verdicts,
+)
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.judging import Judged, tuned
 from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws
@@ -240,6 +248,7 @@ def test_judged_laws_are_shown_in_every_format(small, invoke):
     assert '<td class="better">better</td>' in invoke("suite", "show", "--format", "html").stdout
     assert json.loads(invoke("suite", "show", "--json").stdout)["overall"][1]["tasks"] == "all"
     assert "no law 'godo'" in invoke("suite", "show", "--laws", "godo", code=2).stderr
+    assert "all are meant" in invoke("suite", "check", "--tasks", "", code=2).stderr
 
 
 @pytest.mark.ci("draws a figure")
@@ -278,7 +287,10 @@ def test_a_law_is_judged_packed_and_checked_under_any_name(small, invoke):
     assert a.digest == b.digest
     assert np.array_equal(a.tasks["quad_att"].errors, b.tasks["quad_att"].errors)
 
-    invoke("suite", "pack", "results/suite/mine")
+    (small / "results/suite/mine").rename(small / "results/suite/my law")
+    told = invoke("suite", "pack", "results/suite/my law", "--out", "my pack.zip").stdout
+    assert "eqt suite check 'my pack.zip'" in told
+    invoke("suite", "pack", "results/suite/my law")
     pack = "mine.eqtsuite.zip"
     assert Path(pack).stat().st_size < 100_000
     assert "a file is data" in invoke("suite", "check", pack, "--no-fresh").stdout
@@ -322,6 +334,14 @@ def test_fresh_runs_tell_a_law_that_was_fitted_to_the_public_ones(monkeypatch):
         of_laws = laws["honest"], laws["gt"]
         (row,) = checking.optimism(of_laws, (cheap, whole.laws["gt"]), {"quad_att": task}, 1)
         assert row.is_optimistic
+
+
+def test_a_file_is_checked_against_the_reference_law_of_the_archive():
+    """A file could state any cost of it, or have another law of its label."""
+    ours, theirs = archived(gt=1.0), archived(gt=2.0)
+    for digest, shipped, expected in (("00", ours, ours), ("1", ours, ours), ("00", None, theirs)):
+        found = actions.reference_of(theirs, shipped or Archive({}, {}), digest)
+        assert found.tasks["quad_att"] is expected.laws["gt"].tasks["quad_att"]
 
 
 def test_a_task_is_told_from_a_copy_and_from_noise():
