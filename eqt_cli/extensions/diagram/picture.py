@@ -17,8 +17,11 @@ from eqt_cli.extensions.diagram.boxes import ACTUATION, ESTIMATION, LAW, PLANT, 
 from eqt_cli.extensions.diagram.diagram import Diagram, Drawn, Lane
 from eqt_cli.extensions.diagram.wording import SPACE
 
-WIDTH, NARROW = 680, 358
-"""Widths of the two pictures, px: 180 mm, and the text of a page on a phone of 390 px."""
+WIDTH, NARROW = 680, 278
+"""Widths of the two pictures, px: 180 mm, and that which `LARGER` fits a phone of 375 px."""
+
+LARGER = 1.2
+"""Magnification of the narrow picture, whose smallest letters are then 12 px high."""
 
 TITLE, TEXT, SMALL = 11.5, 10.5, 10.0
 """Sizes of letters, px."""
@@ -239,7 +242,7 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
     alone
         Whether it is a file; a page has its own colours.
     """
-    width = NARROW if narrow else WIDTH
+    width, scale = (NARROW, LARGER) if narrow else (WIDTH, 1.0)
     parts, height = (_rows if narrow else _columns)(diagram)
     style, head = "", ""
     if alone:
@@ -251,7 +254,8 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
         head = '<?xml version="1.0" encoding="utf-8"?>\n'
     return (
         f'{head}<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height:g}" '
-        f'width="{width}" height="{height:g}" font-family="system-ui, sans-serif" '
+        f'width="{scale * width:g}" height="{scale * height:g}" '
+        'font-family="system-ui, sans-serif" '
         f'fill="currentColor" role="img"><title>{escape(f"The loop of {diagram.title}")}</title>'
         f"{style}{''.join(parts)}</svg>\n"
     )
@@ -260,12 +264,15 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
 def html(diagram: Diagram) -> str:
     """Return both pictures for a page, of which the width of the screen chooses one."""
     style = (
-        "<style>.eqt-loop svg{max-width:100%;height:auto}.eqt-loop svg+svg{display:none}"
+        "<style>.eqt-loop{overflow-x:auto}.eqt-loop svg{max-width:100%;height:auto}"
+        ".eqt-loop svg+svg{display:none;max-width:none}"
         "@media(max-width:640px){.eqt-loop svg{display:none}.eqt-loop svg+svg{display:block}}"
         "</style>"
     )
     both = svg(diagram, alone=False) + svg(diagram, narrow=True, alone=False)
-    return f'{style}<div class="eqt-loop">{both}</div>\n'
+    name = escape(f"Loop of {diagram.title}")
+    box = f'<div class="eqt-loop" role="region" aria-label="{name}" tabindex="0">'
+    return f"{style}{box}{both}</div>\n"
 
 
 def page(diagram: Diagram) -> str:

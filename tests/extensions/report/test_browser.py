@@ -332,6 +332,19 @@ def test_letters_of_figures_are_12_pixels_high(page, resize, width):
         assert 8 * drawn.size["width"] / wide >= 11.9  # set in 8 pt
 
 
+@pytest.mark.parametrize("width", [320, 390, 1280])
+def test_letters_of_the_loop_and_of_single_runs_are_12_pixels_high(page, resize, width):
+    resize(width, 844)
+    page.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    sizes = page.execute_script(
+        """return [...document.querySelectorAll("#loop svg text, .panel svg text")]
+          .filter((text) => text.getClientRects().length)
+          .map((text) => parseFloat(getComputedStyle(text).fontSize) * text.getScreenCTM().a)"""
+    )
+    assert len(sizes) > 40 and min(sizes) >= 11.9
+    assert page.execute_script("return document.documentElement.scrollWidth") <= width
+
+
 def test_narrow_screens_need_no_sideways_scrolling(page, resize):
     resize(390, 844)
     page.refresh()

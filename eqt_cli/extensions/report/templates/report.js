@@ -178,7 +178,8 @@
     }
 
     function draw(panel, number) {
-      const width = 460, height = 250, left = 52, right = 12, top = 26, bottom = 36;
+      const width = Math.min(460, $("panels").children[number].clientWidth || 460);  // letters keep their size
+      const height = 250, left = 52, right = 12, top = 26, bottom = 36;
       const log = $("log").checked && !panel.name.startsWith("‖τ‖");
       const drawn = data.controllers.map((look, c) => [look, curve(panel, c)]).filter((_, c) => visible[c]);
       const finite = drawn.flatMap(([, y]) => Array.from(y)).filter((y) => Number.isFinite(y) && (!log || y > 0));
@@ -314,6 +315,7 @@
     }
 
     panels.forEach((_, number) => $("panels").append(element("div", { class: "panel", "data-panel": number })));
+    window.addEventListener("resize", () => panels.forEach(draw));
     data.controllers.forEach((look, c) => {
       const box = element("input", { type: "checkbox", checked: "", value: c });
       box.addEventListener("change", () => { visible[c] = box.checked; redraw(); });
