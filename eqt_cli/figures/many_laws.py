@@ -100,6 +100,7 @@ def draw_laws(
     layout.add_legend(drawing, handles, names if differ else ["the law", "the others"])
     by = "mean" if is_torque else "closing error"
     by += f", {runs.count()}" if values is None else ""
+    by += ", * gains not matched" if any(map(_mark, runs.shown)) else ""
     runs.remarks.append(f"Sorted by {by}.")
     runs.note = ", ".join(filter(None, [f"sorted by {by}", runs.note]))
     for name in signals:
@@ -156,7 +157,12 @@ def _draw(
     if not np.array_equal(low, high):
         axes.fill_between(times, low, high, label=law.label, **layout.band_look(colour))
     layout.open_frame(axes)
-    layout.add_title(axes, law.title, at_right=True)
+    layout.add_title(axes, law.title + _mark(law), at_right=True)
+
+
+def _mark(law: Ensemble) -> str:
+    """Return the mark of a law whose gains are not matched with those of the others."""
+    return "*" if law.law in law.results.described.not_matched else ""
 
 
 def _bound(panels: Sequence[Axes], middles: Sequence[Array], error: float, *, log: bool) -> None:

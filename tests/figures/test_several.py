@@ -111,6 +111,16 @@ def test_beyond_six_laws_each_has_a_panel_sorted_by_its_median(figure, signal, s
     late = slice(None) if figure is Torque else slice(-round(0.1 * len(result.times)), None)
     ends = [curve[late].mean() for curve in drawn.values()]
     assert ends == sorted(ends)
+    assert not any("*" in caption for caption in captions)
+
+
+@pytest.mark.ci("simulates and draws seven laws")
+def test_panels_mark_laws_whose_gains_are_not_matched(simulate, opened):
+    laws = [*LAWS[:6], {"kind": "slotine_li"}]
+    drawing = Summary().draw([opened(simulate(controllers=laws))], captions=[])
+    titles = {axes.get_title(loc="right") for axes in drawing.axes}
+    assert titles == {*"abcdef", "Slotine–Li*"}
+    assert "closing error, 6 runs, * gains not matched" in drawing.get_supxlabel()
 
 
 @pytest.mark.parametrize("chosen", [["eqt", "nog"], ["gt", "asym"], ["eqt", "nog", "asym"], []])
