@@ -281,7 +281,7 @@ MOST_ROWS = 40
 
 Settings = dict[str, Any]
 
-_FOREST_ROW, _FOREST_AROUND = 0.2, 0.85
+_FOREST_ROW, _FOREST_AROUND = 0.187, 0.85
 """Height of a row, and of scales and legend, in."""
 _LONGEST = 24
 """Most characters in a line of a name."""

@@ -292,6 +292,14 @@ def test_cells_over_one_key_are_as_high_as_the_panel(swept, altered, picture):
     assert box.height == pytest.approx(panel.get_window_extent().height, rel=1e-3)
 
 
+@pytest.mark.parametrize("width", ["column", "page"])
+def test_a_forest_of_twenty_rows_is_at_most_124_mm_high(width, swept):
+    points = [{"cases": {f"case {k}": {"gains.kp": 0.1 * k} for k in range(1, 21)}}]
+    results = swept(points, ensemble={"runs": 2, "seed": 1})
+    drawing = Forest(metric="effort").draw([results], width, captions=[])
+    assert 25.4 * drawing.get_figheight() <= 124
+
+
 CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp": 4}}}]
 MORE_RUNS = {"ensemble": {"runs": 8, "seed": 1}, "settling_threshold": "40 deg"}
 
