@@ -188,7 +188,8 @@ class Summary(Panelled, OverTime):
                 titles = listed([e.title for e in laws])
                 within.setdefault(titles, []).append(f"{apart} {unit}".removesuffix(" 1"))
         one = [f"{x}: one curve (medians within {' and '.join(y)})" for x, y in within.items()]
-        runs.remarks += [f"{words}; a panel shows their paired differences." for words in one]
+        if one:  # the note names them, where long names are wrapped
+            runs.remarks.append("Of laws with one curve, a panel shows the paired differences.")
         runs.note = ", ".join(filter(None, [*one, runs.note]))
         return alike
 
