@@ -179,9 +179,10 @@ def _sensor_remarks(experiment: Experiment) -> Placed:
         limit, unit, says, meant, units = bound
         std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
         bias = sensor.bias_deviation(G)
-        written = value_at(experiment.document.data, parse_key(path)) or {}
-        is_bare = "density" not in written and not _has_unit(
-            [written.get("std"), written.get("value")]
+        written = value_at(experiment.document.data, parse_key(path))
+        numbers = written if isinstance(written, dict) else {}  # else a kind's name alone
+        is_bare = "density" not in numbers and not _has_unit(
+            [numbers.get("std"), numbers.get("value")]
         )
         measured = [part for part in G.parts if part.name == sensor.of] or G.parts
         turns = np.array([part.turns for part in measured for _ in range(G.dimension)[part.axes]])

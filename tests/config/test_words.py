@@ -296,3 +296,25 @@ def test_a_law_that_only_answers_needs_a_clock(tmp_path, monkeypatch):
     data = BODY | {"plugins": ["own.py"], "controllers": ["answers"]}
     assert "controllers[0]: answers at control instants only; set" in "".join(words(data))
     assert words(data | {"control": {"period": 0.1}}) == []
+
+
+OWN_NOISE = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnNoise(Noise):
+    name: ClassVar[str] = "own_noise"
+    std: float = 3.0
+"""
+
+
+def test_a_sensor_named_by_a_word_alone_is_judged_by_its_defaults(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("own.py").write_text(OWN_NOISE)
+    sampled = {"plugins": ["own.py"], "control": {"period": 0.1}}
+    said = words(BODY | sampled | {"sensors": {"velocity": ["own_noise"]}})
+    assert "sensors.velocity[0]: a noise of 3 rad/s" in "".join(said)
