@@ -88,7 +88,7 @@ class Optimism:
     @property
     def spends_more(self) -> bool:
         """Whether the law spends more on fresh runs than the file states."""
-        return self.spent > MORE_SPENT
+        return not self.spent <= MORE_SPENT  # nor what is no number
 
     @property
     def is_optimistic(self) -> bool:
