@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from eqt_cli.base.arrays import Array, Arrays, dot
-from eqt_cli.base.errors import Problems
+from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Positive, Real, Scale, Unit
 from eqt_cli.base.registry import Component, Keys, Registry
 from eqt_cli.components.actuators import limited_parts
@@ -435,6 +435,15 @@ def check_foreseen(plant: PlantModel, problems: Problems) -> None:
         problems.add(
             "the reference is integrated, so its later values are unknown; use one that is a "
             "function of time: path, flat, waypoints, log, slew or constant"
+        )
+
+
+def check_flat_output(plant: PlantModel, problems: Problems) -> None:
+    """Note a reference without a flat output."""
+    if plant.flat is None:
+        problems.add(
+            "needs a reference that gives jerk and snap",
+            Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),
         )
 
 

@@ -12,8 +12,8 @@ from eqt_cli.components.inertia import PrescribedInertia
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.references import references
 from eqt_cli.extensions.proofs.certificates import Identity, Verdict, certificates
-from eqt_cli.extensions.proofs.identities import CommandedRates
 from eqt_cli.extensions.proofs.sample import sampled
+from eqt_cli.extensions.underactuated.certificates import CommandedRates
 
 CONFIG = mapping(controllers=["eqt", "nog"], ensemble={"runs": 2, "seed": 1})
 IDENTITIES = [

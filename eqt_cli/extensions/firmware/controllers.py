@@ -29,6 +29,7 @@ from eqt_cli.components.laws import (
     Preview,
     Previews,
     RunsCode,
+    check_flat_output,
     check_foreseen,
     controllers,
     counteracts,
@@ -38,7 +39,6 @@ from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tr
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, remember_executed, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
-from eqt_cli.extensions.underactuated.cascade import check_flat_output
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.loop.signals import Metric

@@ -12,3 +12,4 @@ def register(extension: Extension) -> None:
         extension.add_component("controllers", name, "lqr")
     for name in ("indi", "observer"):
         extension.add_component("controllers", name, "rejection")
+    extension.add_component("certificates", "δ̂ tends to δ", "certificates")

@@ -380,12 +380,11 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
 
 def _gains(result: Margins) -> list[str]:
     """Return the names of the gain margins: that of the position where a law has it."""
-    from eqt_cli.extensions.laws.rejection import Rejecting
     from eqt_cli.extensions.proofs.margins import GAINS
 
     controllers = [loop.controller for loop in result.experiment.loops.values()]
     cascades = any(law.reads_flat_output for law in controllers)
-    rejects = any(isinstance(law, Rejecting) for law in controllers)
+    rejects = any(hasattr(law, "constant_disturbance") for law in controllers)
     lagging = any("lag" in law.gains for law in result.laws)
     shown = {"position": cascades, "effectiveness": rejects, "lag": lagging}
     return [name for name in GAINS if shown.get(name, True)]

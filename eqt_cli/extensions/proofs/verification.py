@@ -31,7 +31,6 @@ from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.extensions.proofs import certificates
 from eqt_cli.extensions.proofs.run_checks import StepsEndAtTimes, window_times
 from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
-from eqt_cli.extensions.underactuated.cascade import Cascade
 from eqt_cli.loop.linearised import Along, growth, linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
@@ -430,8 +429,8 @@ def tallies(experiment: Experiment) -> dict[str, str]:
 def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
     """Yield the cascades along the motion of their model."""
     for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
-        law = getattr(loop.controller, "around", loop.controller)
-        if isinstance(law, Cascade):
+        law: Any = getattr(loop.controller, "around", loop.controller)
+        if hasattr(law, "commanded"):
             law = with_fields(law, position=with_fields(law.position, period=None))
             vehicle = Vehicle(forces=(*law.known_forces, *law.across))
             of_model = replace(loop, vehicle=vehicle, controller=law)

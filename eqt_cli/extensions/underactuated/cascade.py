@@ -31,6 +31,7 @@ from eqt_cli.components.laws import (
     OuterLoop,
     ReadsLimits,
     check_each_axis,
+    check_flat_output,
     controllers,
 )
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
@@ -589,15 +590,6 @@ def _missing_along(G: MatrixLieGroup, pushes: Array | None) -> tuple[str, Remedy
     return "missing; the thrusters push in more than one direction", Remedy(
         f"give the one that carries the body; all of them together push along: [{mean}]"
     )
-
-
-def check_flat_output(plant: PlantModel, problems: Problems) -> None:
-    """Note a reference without a flat output."""
-    if plant.flat is None:
-        problems.add(
-            "needs a reference that gives jerk and snap",
-            Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),
-        )
 
 
 def _mass(s: Tracking) -> Array:

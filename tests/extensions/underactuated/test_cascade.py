@@ -732,8 +732,8 @@ def test_verify_compares_the_rates_with_those_of_the_commanded_attitude(
     changes, verdict, wrong_rate
 ):
     """At random states, along the motion of the model, by numbers that carry their rates."""
-    from eqt_cli.extensions.proofs.identities import CommandedRates
     from eqt_cli.extensions.proofs.sample import sampled
+    from eqt_cli.extensions.underactuated.certificates import CommandedRates
 
     if changes.pop("planted", False):
         wrong_rate()
