@@ -14,6 +14,7 @@ from eqt_cli.extensions.suite.verdicts import (
     FAILS,
     MOST_SPENT,
     VERDICTS,
+    WITHDRAWN,
     Overall,
     TaskVerdict,
     overall,
@@ -36,6 +37,8 @@ def _interval(value: float, low: float, high: float) -> str:
 def _cell(judgement: TaskVerdict) -> str:
     """Return the ratio with its interval, or what failed."""
     ratio = judgement.ratio
+    if judgement.law in WITHDRAWN:
+        return "withdrawn"
     return (
         judgement.failure or "-" if ratio is None else _interval(ratio.value, ratio.low, ratio.high)
     )
@@ -63,6 +66,12 @@ def task_table(
         "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
         "law spends on held-out runs, as a share of the most that all may spend in training",
     ]
+    withdrawn = [archive.laws[name].title for name in WITHDRAWN if name in archive.laws]
+    if withdrawn:
+        notes.append(
+            f"WITHDRAWN: all numbers of {listed(withdrawn)}, whose searches failed; better gains "
+            "of these laws are there"
+        )
     if any(judgement.verdict == FAILS for judgement in of_tasks):
         notes.append(
             f"fails: no ratio, since runs failed, no gains spend so little, or the law spends more "
