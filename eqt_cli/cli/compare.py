@@ -370,7 +370,8 @@ def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gat
         shown = _tables(comparison, look)
     if comparison.gate is None:
         return shown
-    outcome = function_for("outcome of a gate")
+    from eqt_cli.analysis.gate import outcome
+
     is_open = gate.undecided is Undecided.PASS
     passes, record, lines = outcome(comparison.gate, undecided=is_open)
     document = {"gate": record, **shown.document}

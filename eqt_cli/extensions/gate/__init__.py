@@ -6,4 +6,3 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function("compare --fail-on", "worsening.gate")
-    extension.add_function("outcome of a gate", "gate.outcome")

@@ -10,10 +10,10 @@ from eqt_cli.analysis import intervals
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison import Comparison, Pair
 from eqt_cli.analysis.comparison_tables import name_of
+from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.analysis.intervals import FEWEST, Interval, Resampling, Word
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of
-from eqt_cli.extensions.gate.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 

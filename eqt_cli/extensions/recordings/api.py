@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from eqt_cli.analysis.gate import rules_of
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems
@@ -25,7 +26,6 @@ from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
-from eqt_cli.extensions.gate.gate import rules_of
 from eqt_cli.extensions.recordings import flights, frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.first_bytes import format_of
 from eqt_cli.extensions.recordings.log_table import open_sheet

@@ -339,7 +339,7 @@ def compare_flights(
         --undecided WORD  fail or pass, where a rule is not shown to hold.
     """
     from eqt_cli import api
-    from eqt_cli.extensions.gate.gate import outcome
+    from eqt_cli.analysis.gate import outcome
 
     fail_on, is_open = rules.arguments(files[0])["fail_on"], rules.undecided is Undecided.PASS
     span = {"begin": how.begin or "-inf", "end": how.end or "inf", "format": log_format}

@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from eqt_cli.analysis import gate
 from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
 from eqt_cli.api.loading import path_from
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import content_of
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
-from eqt_cli.extensions.gate import gate
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.recordings.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
 from eqt_cli.extensions.recordings.recording import GAP

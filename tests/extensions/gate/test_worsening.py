@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from eqt_cli.analysis.comparison import Numbers
+from eqt_cli.analysis.gate import TWO_SIDED, Rule
 from eqt_cli.analysis.intervals import FEWEST, Resampling
-from eqt_cli.extensions.gate.gate import TWO_SIDED, Rule
 from eqt_cli.extensions.gate.worsening import judged
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import WHOLE

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from eqt_cli.analysis.gate import Finding, Rule, lines, passes, rules_of
 from eqt_cli.analysis.intervals import Interval
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.gate.gate import Finding, Rule, lines, passes, rules_of
 
 
 @pytest.mark.parametrize(
