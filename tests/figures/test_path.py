@@ -11,8 +11,8 @@ import eqt_cli
 from eqt_cli.cli.plot import _of_one
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.bodies.figures import PathFigure, PoseFigure, broken
-from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, outline, rotors
 from eqt_cli.figures.layout import diverging
+from eqt_cli.figures.shapes import CORNERS, FACES, camera, outline, rotors
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -20,13 +20,13 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part, moving_parts
 from eqt_cli.extensions.bodies.coloured import add_bar, draw_by_error, shades_of
-from eqt_cli.extensions.bodies.shapes import camera, course, outline, upright
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
 from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, keep_laws
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
 from eqt_cli.figures.many_laws import by_late_mean, draw_laws
+from eqt_cli.figures.shapes import camera, course, outline, upright
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, looks
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 

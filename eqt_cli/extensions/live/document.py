@@ -27,7 +27,6 @@ from eqt_cli.config.document import Document, overridden
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Engine
 from eqt_cli.engines.native import SMALLEST_RTOL, STEP_SHARE, Native
-from eqt_cli.extensions.bodies.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.extensions.live import sliders, wasm
 from eqt_cli.extensions.live.programs import DIVERGED, LiveLoop, numbers_of
 from eqt_cli.extensions.live.sliders import Effect, Range, Slider
@@ -35,6 +34,7 @@ from eqt_cli.extensions.live.units import unit_of
 from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.document import page
 from eqt_cli.extensions.report.scenes import INERTIAL, motion, scene_of
+from eqt_cli.figures.shapes import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first

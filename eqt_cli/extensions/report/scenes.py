@@ -17,20 +17,11 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import Part, group_named, moving_parts
-from eqt_cli.extensions.bodies.shapes import (
-    CORNERS,
-    FACES,
-    BodyPath,
-    camera,
-    course,
-    discs,
-    rotors,
-    upright,
-)
 from eqt_cli.figures.cells import scale_norm
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.labels import quantity, signal_label
 from eqt_cli.figures.layout import freeze, name_scale
+from eqt_cli.figures.shapes import CORNERS, FACES, BodyPath, camera, course, discs, rotors, upright
 from eqt_cli.figures.shown import Chosen, Ensemble
 from eqt_cli.figures.style import house_style, ink, line_style, mixed
 from eqt_cli.results.result import Result

@@ -13,7 +13,6 @@ from small_experiment import mapping
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.bodies.shapes import CORNERS, FACES, camera, discs
 from eqt_cli.extensions.report.scenes import (
     MOST_CONTROLLERS,
     TRAIL,
@@ -26,6 +25,7 @@ from eqt_cli.extensions.report.scenes import (
     scene_of,
     tips,
 )
+from eqt_cli.figures.shapes import CORNERS, FACES, camera, discs
 
 
 @pytest.fixture(scope="module")
