@@ -23,7 +23,6 @@ from eqt_cli.base.version import __version__
 from eqt_cli.components.laws import claims
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.firmware.c_headers import PRELUDE, defined, headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
@@ -37,6 +36,7 @@ from eqt_cli.loop.law_program import (
     Entry,
     name_of_number,
 )
+from eqt_cli.numbers.c_headers import PRELUDE, defined, headers, needed
 from eqt_cli.numbers.program import Program, c_function
 from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.description import description, loop_in_words

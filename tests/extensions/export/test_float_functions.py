@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.extensions.firmware.c_headers import FLOAT_HEADER, PRELUDE, headers, needed
+from eqt_cli.numbers.c_headers import FLOAT_HEADER, PRELUDE, headers, needed
 
 NAMES = [*FUNCTIONS, "pow"]
 LIMITS = {

@@ -25,7 +25,7 @@ CORE = (
     "extensions/proofs/margins.py",
     "results/metrics.py",
     "results/quantity.py",
-    "extensions/firmware/c_headers.py",
+    "numbers/c_headers.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/user_code.py",
     "extensions/laws",
