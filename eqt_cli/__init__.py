@@ -33,7 +33,7 @@ STABLE = {
     "report": "eqt_cli.extensions.report.api",
     "verify": "eqt_cli.extensions.proofs.verification",
     "margins": "eqt_cli.extensions.proofs.margins",
-    "export": "eqt_cli.extensions.firmware.export",
+    "export": "eqt_cli.extensions.export.export",
     "__version__": "eqt_cli.base.version",
 }
 """The public names, and the modules that define them."""

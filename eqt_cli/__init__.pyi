@@ -8,7 +8,7 @@ from eqt_cli.api.loading import open_result as open_result
 from eqt_cli.api.running import run as run
 from eqt_cli.api.running import sweep as sweep
 from eqt_cli.base.version import __version__ as __version__
-from eqt_cli.extensions.firmware.export import export as export
+from eqt_cli.extensions.export.export import export as export
 from eqt_cli.extensions.proofs.margins import margins as margins
 from eqt_cli.extensions.proofs.verification import verify as verify
 from eqt_cli.extensions.report.api import report as report

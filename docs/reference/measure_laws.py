@@ -22,9 +22,9 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.firmware.export import files
-from eqt_cli.extensions.firmware.export_laws import exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.extensions.export.export import files
+from eqt_cli.extensions.export.export_laws import exported
+from eqt_cli.extensions.export.program_error import ARITHMETICS
 
 KEPT = Path(__file__).with_name("exported_laws.json")
 

@@ -19,9 +19,10 @@ from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.budget import *
 from eqt_cli.extensions.citations import *
+from eqt_cli.extensions.code import *
 from eqt_cli.extensions.diagram import *
 from eqt_cli.extensions.diff import *
-from eqt_cli.extensions.firmware import *
+from eqt_cli.extensions.export import *
 from eqt_cli.extensions.gym import *
 from eqt_cli.extensions.live import *
 from eqt_cli.extensions.proofs import *

@@ -321,10 +321,10 @@ def test_sliding_mode_is_a_failure_and_harms_no_other():
     assert np.array_equal(alone.states, solution.states[[0, 2]])
 
 
-@pytest.mark.needs("firmware")
+@pytest.mark.needs("export")
 def test_the_sides_of_comparisons_are_inputs_and_outputs():
     """Each a < b is replaced by the sign of its side; a and b are given back in the same order."""
-    from eqt_cli.extensions.firmware.program_error import bounded
+    from eqt_cli.extensions.export.program_error import bounded
 
     def function(given):
         a, b, c = given["x"]

@@ -58,7 +58,7 @@ FILTERED = "satellite_estimated", {"time.duration": 4}
 ESTIMATED = pytest.param(
     FILTERED, id="an estimator, and sensors with clocks", marks=pytest.mark.needs("extends")
 )
-CODE = pytest.param(("paper", WITH_CODE), id="code of a user", marks=pytest.mark.needs("firmware"))
+CODE = pytest.param(("paper", WITH_CODE), id="code of a user", marks=pytest.mark.needs("code"))
 
 
 @pytest.fixture(

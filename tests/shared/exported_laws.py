@@ -14,9 +14,9 @@ from eqt_cli.components.laws import Designed, controllers
 from eqt_cli.config.document import Document, Place
 from eqt_cli.config.preflight import build
 from eqt_cli.extend import Problems, group_named
-from eqt_cli.extensions.firmware.export import files
-from eqt_cli.extensions.firmware.export_laws import exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.extensions.export.export import files
+from eqt_cli.extensions.export.export_laws import exported
+from eqt_cli.extensions.export.program_error import ARITHMETICS
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()
 GROUPS = ("SO3", "SE3", "SE2")

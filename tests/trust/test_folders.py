@@ -524,10 +524,10 @@ def test_every_file_is_written_in_one_way():
         ("figures/style.py", "savefig"),
         ("base/store_writer.py", "File"),  # into the one way
         ("base/process.py", "open"),  # the null device
-        ("extensions/firmware/python_law.py", "open"),  # the same
+        ("extensions/code/python_law.py", "open"),  # the same
         # Into a new folder of their own, for a compiler.
-        ("extensions/firmware/user_code.py", "write_text"),
-        ("extensions/firmware/user_code.py", "write_bytes"),
+        ("extensions/code/user_code.py", "write_text"),
+        ("extensions/code/user_code.py", "write_bytes"),
         ("engines/compiler.py", "write_bytes"),
     }
     found, names = set(), re.compile(rf"\b({'|'.join(WRITING | {'open', 'FileIO', 'File'})})\b")

@@ -8,10 +8,10 @@ import pytest
 import eqt_cli
 from eqt_cli.engines import compiler
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.firmware.code_rows import code_rows
-from eqt_cli.extensions.firmware.export import header, source
-from eqt_cli.extensions.firmware.export_laws import exported
-from eqt_cli.extensions.firmware.program_error import DOUBLE
+from eqt_cli.extensions.code.code_rows import code_rows
+from eqt_cli.extensions.export.export import header, source
+from eqt_cli.extensions.export.export_laws import exported
+from eqt_cli.extensions.export.program_error import DOUBLE
 
 HERE = Path(__file__).parent
 LEE, HEADER = ((HERE / name).read_text(encoding="utf-8") for name in ("lee2010.c", "lee.h"))
@@ -37,7 +37,7 @@ def _in_a_folder(tmp_path, monkeypatch):
         pytest.skip("needs a C compiler")
     monkeypatch.chdir(tmp_path)
     # All states of a fault are worse than the bound, and 400 bounds take half of the time.
-    monkeypatch.setattr("eqt_cli.extensions.firmware.code_rows.MOST_BOUNDED", 20)
+    monkeypatch.setattr("eqt_cli.extensions.code.code_rows.MOST_BOUNDED", 20)
 
 
 @pytest.fixture

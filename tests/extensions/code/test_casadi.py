@@ -9,8 +9,8 @@ import pytest
 import eqt_cli
 from eqt_cli.base.errors import InputError
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.firmware.casadi_code import casadi_call
-from eqt_cli.extensions.firmware.user_code import compiled
+from eqt_cli.extensions.code.casadi_code import casadi_call
+from eqt_cli.extensions.code.user_code import compiled
 
 HERE = Path(__file__).parent / "casadi"
 NAMES = ("pose", "velocity", "desired_pose", "desired_velocity", "desired_acceleration")

@@ -10,7 +10,7 @@ from said import says
 
 import eqt_cli
 from eqt_cli.extend import Inertia
-from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained_cascade
+from eqt_cli.extensions.code.code_evidence import Question, drawn_states, explained_cascade
 from eqt_cli.extensions.underactuated import cascade
 from eqt_cli.numbers.leaves import with_fields
 

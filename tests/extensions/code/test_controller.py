@@ -9,7 +9,7 @@ import pytest
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.components.laws import claims, controllers, memory_gradient
 from eqt_cli.extend import Gains, Inertia, Tracking, group_named
-from eqt_cli.extensions.firmware.controllers import Code
+from eqt_cli.extensions.code.controllers import Code
 from eqt_cli.numbers.leaves import with_fields
 
 G = group_named("SO3")

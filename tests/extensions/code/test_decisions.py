@@ -2,7 +2,7 @@
 
 import pytest
 
-from eqt_cli.extensions.firmware.decisions import watched
+from eqt_cli.extensions.code.decisions import watched
 
 TEXT = (
     '# 1 "a.c"\nint f(int a, int b, int *p) {{\n{body}\n}}\n'

@@ -10,7 +10,7 @@ from eqt_cli.components.laws import controllers
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.extend import Gains, group_named
-from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained
+from eqt_cli.extensions.code.code_evidence import Question, drawn_states, explained
 
 OTHER = pytest.mark.ci("SE(3) has what they have")
 

@@ -13,7 +13,7 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base import yaml_source
 from eqt_cli.extend import EqtError, group_named
-from eqt_cli.extensions.firmware.controllers import Adapter, Signal
+from eqt_cli.extensions.code.controllers import Adapter, Signal
 
 
 @pytest.mark.ci("compiles two closed loops for each law")

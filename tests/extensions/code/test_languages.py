@@ -20,8 +20,8 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extend import group_named
-from eqt_cli.extensions.firmware import code_rows, guests
-from eqt_cli.extensions.firmware.controllers import Signal
+from eqt_cli.extensions.code import code_rows, guests
+from eqt_cli.extensions.code.controllers import Signal
 
 LEE = Path(__file__).with_name("lee2010.py").read_text(encoding="utf-8")
 DOUBLE = "torque of Lee 2010, double, at random states"

@@ -14,7 +14,7 @@ import pytest
 import eqt_cli
 from eqt_cli.base.errors import EqtWarning
 from eqt_cli.extend import Auto, Local, Serial, Status, Threads
-from eqt_cli.extensions.firmware import guests, python_law
+from eqt_cli.extensions.code import guests, python_law
 
 RUNS, LOST = 10, 3
 OVER = {

@@ -10,7 +10,7 @@ from said import error_of, says
 import eqt_cli
 from eqt_cli.base import yaml_source
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.firmware import guests, user_code
+from eqt_cli.extensions.code import guests, user_code
 
 EVERYWHERE = "t = 0.5, pose = {"
 

@@ -10,7 +10,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
-from eqt_cli.extensions.firmware import guests
+from eqt_cli.extensions.code import guests
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
 from eqt_cli.runs.preflight import rehearse

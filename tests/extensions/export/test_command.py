@@ -14,8 +14,8 @@ from said import says
 
 import eqt_cli
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.firmware.export_laws import exported
-from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT
+from eqt_cli.extensions.export.export_laws import exported
+from eqt_cli.extensions.export.program_error import DOUBLE, FLOAT
 
 CONFIG = """\
 name: flight
@@ -58,7 +58,7 @@ def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke)
 
 
 def test_without_the_extension_for_proofs_nothing_is_said_of_identities(config, monkeypatch):
-    monkeypatch.setattr("eqt_cli.extensions.firmware.export.functions_for", lambda purpose: ())
+    monkeypatch.setattr("eqt_cli.extensions.export.export.functions_for", lambda purpose: ())
     eqt_cli.export("flight.yaml", out="out", controllers=["lee2010"])
     page = Path("out", "README.md").read_text(encoding="utf-8")
     assert re.search(r"\*\*Lee 2010\*\*: L = .*\(\S.*\)\.\n", page) and "Identities" not in page

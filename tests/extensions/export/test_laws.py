@@ -21,9 +21,9 @@ from eqt_cli.engines import library as native_library
 from eqt_cli.engines.library import Rows
 from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, programs
 from eqt_cli.extend import EqtError, group_named, load_plugin
-from eqt_cli.extensions.firmware.export import bounds_in_words
-from eqt_cli.extensions.firmware.export_laws import _random, exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.extensions.export.export import bounds_in_words
+from eqt_cli.extensions.export.export_laws import _random, exported
+from eqt_cli.extensions.export.program_error import ARITHMETICS
 from eqt_cli.extensions.spacecraft.wheels import Wheels
 from eqt_cli.loop.law_program import INPUT, MEMORY
 from eqt_cli.numbers.rounded import evaluated

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import apply, less, sqrt, where
-from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded
+from eqt_cli.extensions.export.program_error import DOUBLE, FLOAT, bounded
 from eqt_cli.numbers.program import Constant, Input, traced
 from eqt_cli.numbers.rounded import evaluated
 

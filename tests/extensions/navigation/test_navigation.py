@@ -23,7 +23,7 @@ from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
-from eqt_cli.extensions.firmware.export_laws import exported_filter
+from eqt_cli.extensions.export.export_laws import exported_filter
 from eqt_cli.extensions.navigation.navigation import Navigation
 from eqt_cli.runs.description import loop_in_words
 

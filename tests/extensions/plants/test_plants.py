@@ -12,7 +12,7 @@ from case_tables import from_yaml, in_ci
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.firmware import plant_verdict
+from eqt_cli.extensions.plants import plant_verdict
 
 HERE = Path(__file__).parent
 CONVENTIONS = yaml.safe_load((HERE / "conventions.yaml").read_text(encoding="utf-8"))

@@ -754,7 +754,7 @@ def test_verify_names_a_wrong_rate(wrong_rate):
     assert balance.verdict == "FAILS" and balance.measured > 0.01
 
 
-@pytest.mark.needs("firmware")
+@pytest.mark.needs("export")
 def test_a_cascade_is_exported_with_position_and_heading(tmp_path):
     start = {"pose": {"kind": "angle", "angle": 0.5}}
     laws = [{**LAW, "rates": "none"}]

@@ -38,7 +38,7 @@ from eqt_cli.components.laws import (
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, remember_executed, trusted_text
-from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
+from eqt_cli.extensions.code.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.loop.signals import Metric
@@ -772,7 +772,7 @@ class Code(_Numbers, RunsCode, Previews):
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any
     ) -> Iterator[Any]:
         """Compare the code with the law that it claims to be."""
-        from eqt_cli.extensions.firmware.code_rows import code_rows  # which only `eqt verify` needs
+        from eqt_cli.extensions.code.code_rows import code_rows  # which only `eqt verify` needs
 
         bare = replace(loop, controller=self.unfailing)  # a held command would hide a failure
         if flown is not None:

@@ -23,8 +23,8 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import LawInput, lie_poisson
 from eqt_cli.components.thrusters import Thrusters
-from eqt_cli.extensions.firmware.controllers import Signal
-from eqt_cli.extensions.firmware.user_code import UserCode, called, described
+from eqt_cli.extensions.code.controllers import Signal
+from eqt_cli.extensions.code.user_code import UserCode, called, described
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import with_fields
 

@@ -23,9 +23,9 @@ from eqt_cli.base.version import __version__
 from eqt_cli.components.laws import claims
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.firmware.controllers import adapter_of
-from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
+from eqt_cli.extensions.code.controllers import adapter_of
+from eqt_cli.extensions.export.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
+from eqt_cli.extensions.export.program_error import ARITHMETICS, DOUBLE, Arithmetic
 from eqt_cli.loop.law_program import (
     INPUT,
     MEMORY,

@@ -26,8 +26,8 @@ from eqt_cli.components.vehicle import ESTIMATOR, Vehicle, navigates
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
-from eqt_cli.extensions.firmware.controllers import Adapter
-from eqt_cli.extensions.firmware.program_error import (
+from eqt_cli.extensions.code.controllers import Adapter
+from eqt_cli.extensions.export.program_error import (
     DOUBLE,
     FLOAT,
     Arithmetic,

@@ -29,10 +29,10 @@ from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits, temporary_folder
-from eqt_cli.extensions.firmware import python_law
-from eqt_cli.extensions.firmware.casadi_code import casadi_call
-from eqt_cli.extensions.firmware.decisions import Decision, watched
-from eqt_cli.extensions.firmware.guests import BOARD, FILLS, SKIPS, STARTS, Pool
+from eqt_cli.extensions.code import python_law
+from eqt_cli.extensions.code.casadi_code import casadi_call
+from eqt_cli.extensions.code.decisions import Decision, watched
+from eqt_cli.extensions.code.guests import BOARD, FILLS, SKIPS, STARTS, Pool
 
 # A user's C file with the files next to it that its preprocessor reads, as one text ---------------
 #

@@ -21,7 +21,7 @@ from eqt_cli.config.document import document_of
 from eqt_cli.config.preflight import build
 from eqt_cli.engines import library
 from eqt_cli.engines.native import law_of
-from eqt_cli.extensions.firmware.controllers import Code
+from eqt_cli.extensions.code.controllers import Code
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
 from eqt_cli.results.result import Result, check_stored

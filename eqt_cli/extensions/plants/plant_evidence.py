@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, transpose
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import listed
-from eqt_cli.extensions.firmware.code_evidence import least_squares
-from eqt_cli.extensions.firmware.plant import Model, Plant, StatePart, States
+from eqt_cli.extensions.code.code_evidence import least_squares
+from eqt_cli.extensions.plants.plant import Model, Plant, StatePart, States
 from eqt_cli.numbers.leaves import with_fields
 
 STATES = 250

@@ -13,7 +13,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.components.actuators import THRUSTS
 from eqt_cli.components.laws import Designed, OuterLoop, controllers, fits, with_defaults
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.extensions.firmware.code_evidence import (
+from eqt_cli.extensions.code.code_evidence import (
     COARSE,
     ENOUGH,
     RARE,
@@ -30,7 +30,7 @@ from eqt_cli.extensions.firmware.code_evidence import (
     in_parts,
     limits,
 )
-from eqt_cli.extensions.firmware.user_code import described
+from eqt_cli.extensions.code.user_code import described
 from eqt_cli.extensions.proofs.certificates import Row, Verdict
 from eqt_cli.extensions.proofs.exact import UNIT, lifted, value_of
 from eqt_cli.loop.closed_loop import ClosedLoop

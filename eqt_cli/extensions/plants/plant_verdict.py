@@ -9,8 +9,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable
-from eqt_cli.extensions.firmware.plant import Model, Plant, States, adapter_in, short_way
-from eqt_cli.extensions.firmware.plant_evidence import FEW, STATES, Judge, number
+from eqt_cli.extensions.plants.plant import Model, Plant, States, adapter_in, short_way
+from eqt_cli.extensions.plants.plant_evidence import FEW, STATES, Judge, number
 
 HEADER = ["part", "coefficient", "expected", "finding"]
 

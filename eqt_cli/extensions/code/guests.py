@@ -26,7 +26,7 @@ from eqt_cli.base.errors import EqtWarning, InputError
 from eqt_cli.base.reporting import reporter
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits
-from eqt_cli.extensions.firmware import python_law
+from eqt_cli.extensions.code import python_law
 
 SECONDS = 10.0
 """Time of the processor that one call may take, s; a healthy law needs a thousandth of it.

@@ -1,0 +1,8 @@
+"""Plants of somebody else, judged by a configuration: `eqt verify --plant`."""
+
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_function("verify --plant", "plant_verdict.judged")
