@@ -8,6 +8,7 @@ near rest, with independent sources of mean 0, the mean squares add up; what is 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -280,8 +281,10 @@ def _root(x: float) -> float:
     return float(np.sign(x) * np.sqrt(abs(x)))
 
 
-def rooted_mean(squares: Array) -> Interval:
+def rooted_mean(squares: Array, least: float = -np.inf) -> Interval:
     """Return the root of a mean over runs, with its bootstrap-t interval, and their signs.
+
+    The true mean is at least `least`: 0 of squares, and not bounded of differences of squares.
 
     The squares of a constant error are skew, so that a small mean comes with a small deviation.
     Resamples of the runs show the distribution of (mean - truth) / deviation, which Student's t
@@ -297,7 +300,8 @@ def rooted_mean(squares: Array) -> Interval:
     if not deviation:
         return Interval(_root(mean), _root(mean), _root(mean))
     low, high = np.quantile(np.concatenate(students), [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Interval(_root(mean), _root(mean - high * deviation), _root(mean - low * deviation))
+    low, high = max(mean - high * deviation, least), mean - low * deviation
+    return Interval(_root(mean), _root(low), _root(high))
 
 
 def quantiles_of(errors: Array, shares: Sequence[float]) -> list[Quantile]:
@@ -338,23 +342,24 @@ def _law_budget(
     ]
     rows.sort(key=lambda row: -row.alone.value)
     stays = list(_stays(squares))
-    total, peak = rooted_mean(whole), float(errors.max())
+    total, peak = rooted_mean(whole, 0.0), float(errors.max())
     quantiles = quantiles_of(errors, shares)
     return LawBudget(label, title, len(whole), failed, total, peak, stays + rows, quantiles)
 
 
 def _stays(squares: dict[tuple[str, str], Array]) -> Iterator[Row]:
     """Yield what is left without sources: start and reference, sampling, the estimator."""
-    before = np.zeros_like(squares[ALL, ""])
+    before, least = np.zeros_like(squares[ALL, ""]), 0.0
+    sampled = "sampling of the law" if (IDEAL, "") in squares else "start, reference and sampling"
     words = {
         IDEAL: "start and reference",
-        SAMPLED: "sampling of the law",
+        SAMPLED: sampled,
         SILENT: "estimator and times of measurements",
     }
     for kind, what in words.items():
         if (kind, "") in squares:
-            yield Row(Source("", what), rooted_mean(squares[kind, ""] - before))
-            before = squares[kind, ""]
+            yield Row(Source("", what), rooted_mean(squares[kind, ""] - before, least))
+            before, least = squares[kind, ""], -np.inf
 
 
 def _error_of(base: Study, wished: str) -> str:
@@ -372,18 +377,30 @@ def _error_of(base: Study, wished: str) -> str:
     return wished or present[0]
 
 
-def _variants(base: Study, sources: Sequence[Source]) -> Iterator[tuple[str, str]]:
-    """Yield the variants to compute; without a clock, no law is there that needs one."""
-    loop = base.base.loop
-    if not loop.vehicle.control:
+def variants_of(base: Study, sources: Sequence[Source]) -> Iterator[tuple[str, str]]:
+    """Yield the variants to compute; without a clock only where all laws do without one."""
+    is_sampled = base.base.loop.vehicle.control is not None
+    if not is_sampled or _does_without_clock(base):
         yield IDEAL, ""
-    else:
+    if is_sampled:
         yield SAMPLED, ""
     yield SILENT, ""
     yield ALL, ""
     for source in sources:
         yield "alone", source.key
         yield "beside", source.key
+
+
+def _does_without_clock(base: Study) -> bool:
+    """Whether the laws of an experiment are accepted without a clock, and what lives on it."""
+    for idle in ((), ("actuators", "plant")):  # that are sampled, or that the law steers
+        document = base.document
+        for key in ("control", "sensors", "estimator", *idle):
+            document = changed_at(document, (key,), None, "eqt budget")
+        with suppress(EqtError):
+            study(document)
+            return True
+    return False
 
 
 def budget(
@@ -441,7 +458,7 @@ def budget(
             f"window {window} holds {inside.sum()} samples, expected at least 2; the runs last "
             f"{times[-1]:g} s, with a sample every {times[1]:g} s"
         )
-    variants = list(_variants(base, sources))
+    variants = list(variants_of(base, sources))
     status, errors = _computed(_Variants(base, tuple(variants), error), executor)
     errors = errors[..., inside]
     good = (status == Status.OK).all(axis=0)

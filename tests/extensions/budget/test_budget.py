@@ -4,12 +4,13 @@ import re
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.cli.tables import as_latex
-from eqt_cli.extensions.budget.budget import Budget, LawBudget, Row, rooted_mean
+from eqt_cli.extensions.budget.budget import IDEAL, Budget, LawBudget, Row, rooted_mean, variants_of
 from eqt_cli.extensions.budget.quantiles import Interval, mixed, of_runs
 from eqt_cli.extensions.budget.sources import Source, sources_of, without
 from eqt_cli.extensions.budget.tables import BudgetInWords, in_latex
@@ -227,3 +228,43 @@ def test_intervals_of_constant_errors_cover(runs, axes, least):
 def test_equal_runs_have_no_interval():
     assert rooted_mean(np.full(5, 4.0)) == (2.0, 2.0, 2.0, 0)
     assert rooted_mean(np.zeros(5)) == (0.0, 0.0, 0.0, 0)
+
+
+TILTED = {
+    "initial": {"pose": {"kind": "fixed", "coordinates": [0, 0, 0.5]}},
+    "plant": {"forces": [{"kind": "constant", "force": [{"normal": [0, 1e-4]}, 0, 0]}]},
+    "ensemble": {"runs": 5, "seed": 1},
+}
+
+
+@pytest.mark.ci("compiles, and integrates 5 runs of 100 s five times")
+def test_the_start_has_a_row_of_its_own_beside_a_clock():
+    law, _ = budget_of(window="0:", **TILTED)
+    times, J3 = np.linspace(0, 100, 1001), J[2]
+
+    def swing(t, x):
+        return x[1], (-STIFFNESS * np.sin(x[0]) - KD * x[1]) / J3
+
+    angle = solve_ivp(swing, (0, 100), [0.5, 0], t_eval=times, rtol=1e-10, atol=1e-12).y[0]
+    start, sampling = law.rows[:2]
+    # Both are means of the same samples; the engine's rtol is 1e-9.
+    assert start.alone.value == pytest.approx(DEG * np.sqrt(np.mean(angle**2)), rel=1e-7)
+    assert (start.source.words, sampling.source.words) == (
+        "start and reference",
+        "sampling of the law",
+    )
+    assert sampling.alone.value < 0.1 * start.alone.value
+
+
+@pytest.mark.parametrize(
+    ("controllers", "has"),
+    [(["lee2010"], True), ([{"kind": "super_twisting", "layer": None}], False)],
+)
+def test_only_laws_that_do_without_a_clock_are_computed_without_one(controllers, has):
+    base = eqt_cli.load_experiment({**BODY, **TILTED, "controllers": controllers})
+    assert ((IDEAL, "") in variants_of(base, [])) is has
+
+
+def test_a_root_mean_square_has_no_negative_end():
+    squares = np.array([0.0, 0.0, 0.0, 1.0, 40.0])
+    assert rooted_mean(squares).low < 0 == rooted_mean(squares, 0.0).low
