@@ -163,6 +163,7 @@ def _is_same(law: JudgedLaw, other: JudgedLaw) -> bool:
 
 def current(archive: Archive, tasks: Mapping[str, Task], name: str) -> Archive:
     """Return the part of a file that was judged on the tasks of this version of eqt."""
+    checking.check_shapes(archive, tasks, name)
     stale = checking.stale_tasks(archive, tasks)
     if stale:
         remark = f"{name}: judged on other tasks than those of this eqt: {', '.join(stale)}"
@@ -326,6 +327,7 @@ def check(
     """Check a file of judged laws: the archive, a pack, or the folder of a law."""
     path, tasks = file_in(file or archives.ARCHIVE), chosen_tasks(names)
     content, laws = archives.read(path), shipped_laws()
+    checking.check_shapes(content, tasks, str(path))
     stale = [x for x in checking.stale_tasks(content, chosen_tasks([])) if not names or x in names]
     checked = Checked(path, [], [], [], [])
     if content.suite != VERSION:

@@ -10,7 +10,7 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError
-from eqt_cli.base.files import content_of, refusals, replace_file
+from eqt_cli.base.errors import EqtError, InputError
+from eqt_cli.base.files import refusals, replace_file
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.suite.judging import Judged
+from eqt_cli.extensions.suite.packs import members
 from eqt_cli.extensions.suite.tasks import TASKS, VERSION
 
 ARCHIVE = TASKS / "archive.zip"
@@ -32,8 +33,12 @@ ENDING = ".eqtsuite.zip"
 
 _CONTENT = "suite.json"
 _FORMAT = 1
-_BYTES = 16_000_000
-"""Largest size of a file, and of what it holds, bytes."""
+_MOST_TEXT = 4_000_000
+"""Largest size of `suite.json`, bytes, whose lists may take 25 times as much memory; the archive's
+has 72 kB."""
+
+_MOST_LAWS = 200
+"""Largest number of laws; the archive has 12."""
 
 _RUNS = 100_000
 """Largest number of errors of a law on a task."""
@@ -155,62 +160,80 @@ def read(path: Path) -> Archive:
     EqtError
         If it is no such file, or damaged.
     """
-    with refusals(path, "read", "give the archive or a pack of a suite"):
-        content = content_of(path, _BYTES)
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as packed:
-            if _CONTENT not in packed.namelist():
-                why = f"it has no {_CONTENT}"
-            elif sum(info.file_size for info in packed.infolist()) > _BYTES:
-                why = f"it holds more than {_BYTES / 1e6:g} MB"
-            else:
-                return _archive(packed)
-    except zipfile.BadZipFile:
-        why = "it is no zip, or its end is missing"
+        parts = members(path)
+        if _CONTENT in parts:
+            return _archive(parts)
+        why = f"it has no {_CONTENT}"
+    except InputError as error:
+        why = str(error)
     except KeyError as error:
         why = f"it lacks {error.args[0]}"
-    except (ValueError, TypeError, AttributeError, RecursionError):
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         why = f"its numbers or {_CONTENT} have another form"
     raise EqtError(f"{path}: is no file of a suite: {why}; write it anew by eqt suite pack")
 
 
-def _archive(packed: zipfile.ZipFile) -> Archive:
-    """Return the laws in a file; several kinds of error where it has another form."""
-    data = json.loads(packed.read(_CONTENT))
+def _archive(parts: dict[str, bytes]) -> Archive:
+    """Return the laws in a file, and use up its parts; several errors where its form is another."""
+    text = parts.pop(_CONTENT)
+    if len(text) > _MOST_TEXT:
+        raise InputError(f"{_CONTENT} has more than {_MOST_TEXT / 1e6:g} MB")
+    data = json.loads(text)
     if data["format"] != _FORMAT:
         raise ValueError(data["format"])
+    if len(data["laws"]) > _MOST_LAWS:
+        raise InputError(f"it has {len(data['laws'])} laws, and at most {_MOST_LAWS} are read")
     laws = {}
     for number, record in enumerate(data["laws"]):
-        tasks = dict(_judged(packed, number, record["tasks"]))
+        tasks = dict(_judged(parts, number, record["tasks"]))
         names = [_text(name) for name in record["sources"]]
-        sources = {name: _part(packed, f"laws/{number}/{name}").decode() for name in names}
+        sources = {name: _part(parts, f"laws/{number}/{name}").decode() for name in names}
         label, title, kind, digest, eqt = (
             _text(record[name]) for name in ("label", "title", "kind", "digest", "eqt")
         )
+        if label in laws:
+            raise InputError(f"it has two laws {label!r}")
         laws[label] = JudgedLaw(label, title, kind, digest, tasks, sources, eqt)
     digests = {_text(name): _text(digest) for name, digest in data["tasks"].items()}
+    if parts:
+        raise InputError(f"it has a part {next(iter(parts))!r}, which {_CONTENT} does not name")
     return Archive(digests, laws, _text(data["suite"]))
 
 
-def _part(packed: zipfile.ZipFile, name: str) -> bytes:
-    """Return a part of a file; a `KeyError` with its name if there is none."""
-    if name not in packed.namelist():
-        raise KeyError(name)
-    return packed.read(name)
+def _part(parts: dict[str, bytes], name: str) -> bytes:
+    """Return a part of a file, and take it out; a `KeyError` with its name if there is none."""
+    if ".." in name.replace("\\", "/").split("/"):
+        raise InputError(f"it has a part {name!r}, which leads out of its folder")
+    return parts.pop(name)
 
 
 def _judged(
-    packed: zipfile.ZipFile, number: int, records: Mapping[str, Any]
+    parts: dict[str, bytes], number: int, records: Mapping[str, Any]
 ) -> Iterator[tuple[str, Judged]]:
     for task, record in records.items():
         values = tuple(map(_values, record["values"]))
-        errors = _errors_in(_part(packed, _array_name(number, task)), len(values))
+        errors = _errors_in(_part(parts, _array_name(number, task)), len(values))
         numbers = [[_number(x) for x in record[name]] for name in ("spent", "trained")]
         spent, trained = map(np.array, numbers)
         if not 0 < errors.size <= _RUNS or not len(spent) == len(trained) == len(errors):
             raise ValueError(task)
+        _check_numbers(f"{_array_name(number, task)}: ", values, errors, spent)
         about = _number(record["start"]), bool(record["is_stated"]), _number(record["seconds"])
         yield _text(task), Judged(values, errors, spent, trained, *about, _text(record["why"]))
+
+
+def _check_numbers(
+    place: str, values: Sequence[Mapping[str, Any] | None], errors: Array, spent: Array
+) -> None:
+    """Refuse errors and costs that no judgement writes."""
+    without = np.array([of is None for of in values])
+    if np.isinf(errors).any() or (errors < 0).any() or (spent < 0).any():
+        raise InputError(f"{place}expected errors and costs of at least 0")
+    if not np.isnan(errors[without]).all() or not np.isnan(spent[without]).all():
+        raise InputError(f"{place}has errors on a sample without gains")
+    if (np.nan_to_num(errors, nan=1.0).max(axis=1) == 0).any():
+        raise InputError(f"{place}all errors of a sample are 0")
 
 
 def _values(record: Any) -> dict[str, float] | None:
@@ -220,15 +243,19 @@ def _values(record: Any) -> dict[str, float] | None:
 
 
 def _value(value: Any) -> Any:
-    return [_number(entry) for entry in value] if isinstance(value, list) else _number(value)
+    return [_finite(entry) for entry in value] if isinstance(value, list) else _finite(value)
 
 
 def _number(value: Any) -> float:
-    if value is None:
-        return math.nan
+    return math.nan if value is None else _finite(value)
+
+
+def _finite(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(value)
-    return float(value)
+    if not math.isfinite(number := float(value)):
+        raise ValueError(value)
+    return number
 
 
 def _text(value: Any) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Interval
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.search.ratios import joined_over, logs_of
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.judging import Judged, Values, held_out
@@ -245,6 +246,28 @@ def stale_tasks(archive: Archive, tasks: Mapping[str, Task]) -> list[str]:
         for name, digest in archive.tasks.items()
         if name not in tasks or tasks[name].digest != digest
     ]
+
+
+def check_shapes(archive: Archive, tasks: Mapping[str, Task], name: str) -> None:
+    """Refuse a file with other numbers of runs or samples than its tasks have.
+
+    Raises
+    ------
+    EqtError
+        With the law, the task and both numbers.
+    """
+    stale = stale_tasks(archive, tasks)
+    for law in archive.laws.values():
+        for of, judged in law.tasks.items():
+            if of in stale or of not in tasks or of not in archive.tasks:
+                continue
+            (samples, runs), section = judged.errors.shape, tasks[of].section
+            if runs != section.judge.runs or samples not in (1, section.search.samples):
+                raise EqtError(
+                    f"{name}: {law.label} on {of}: expected {section.judge.runs} held-out runs of "
+                    f"1 or {section.search.samples} samples, got {runs} of {samples}; write it "
+                    "anew by eqt suite pack"
+                )
 
 
 def record_of(row: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
@@ -17,6 +18,7 @@ from eqt_cli.extensions.suite import (
     actions,
     archive,
     checking,
+    packs,
     proposals,
     repeats,
     tables,
@@ -37,7 +39,7 @@ void my_torque(const my_numbers *n, my_memory *m, const my_input *in, real torqu
 """
 
 
-def judged(factor, runs=40, samples=3, **more):
+def judged(factor, runs=20, samples=3, **more):
     """A law whose error is a factor times that of the first one, in each run."""
     errors = factor * np.random.default_rng(1).uniform(1, 2, (samples, runs))
     none = np.full(samples, 0.6)
@@ -138,6 +140,63 @@ def test_a_file_holds_what_was_written(tmp_path):
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
 
 
+def rewritten(path, change):
+    """Write a pack of GT whose parts a function changes, and return it."""
+    archive.write(path, archived(gt=1.0))
+    with ZipFile(path) as whole:
+        parts = [(name, whole.read(name)) for name in whole.namelist()]
+    with ZipFile(path, "w") as other, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of two parts of one name
+        for name, content in change(parts):
+            other.writestr(name, content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda parts: [*parts, parts[0]], "two parts 'suite.json'"),
+        (lambda parts: [*parts, ("../x", b"")], "a part '../x', which suite.json does not name"),
+        (lambda parts: [(n, c.replace(b"2.0", b"1" + b"0" * 400)) for n, c in parts], "form"),
+        (lambda parts: [(n, c.replace(b"0.6", b"-0.6")) for n, c in parts], "costs of at least 0"),
+        (lambda parts: [(n, c if ".json" in n else b"\0" * len(c)) for n, c in parts], "are 0"),
+        (
+            lambda parts: [(n, re.sub(rb'{\s*"gains.kp": 1.0\s*}', b"null", c)) for n, c in parts],
+            "without gains",
+        ),
+    ],
+)
+def test_a_pack_of_another_shape_is_refused_in_a_line(change, expected, tmp_path):
+    with pytest.raises(EqtError, match=expected):
+        archive.read(rewritten(tmp_path / "a.zip", change))
+
+
+def test_a_flipped_bit_of_a_pack_is_told_or_changes_nothing(tmp_path):
+    """Times in the headers are flipped without harm."""
+    archive.write(tmp_path / "a.zip", archived(gt=1.0))
+    before = archive.read(tmp_path / "a.zip").laws["gt"].tasks["quad_att"]
+    whole, refused = (tmp_path / "a.zip").read_bytes(), 0
+    for at in range(0, len(whole), 29):
+        flipped = bytes([whole[at] ^ 16])
+        (tmp_path / "a.zip").write_bytes(whole[:at] + flipped + whole[at + 1 :])
+        try:
+            after = archive.read(tmp_path / "a.zip").laws["gt"].tasks["quad_att"]
+            assert np.array_equal(after.errors, before.errors)
+        except EqtError:
+            refused += 1
+    assert refused > 20
+
+
+def test_what_a_pack_holds_is_counted_as_it_is_read(tmp_path, monkeypatch):
+    archive.write(tmp_path / "a.zip", archived(gt=1.0))
+    with ZipFile(tmp_path / "a.zip", "a", 8) as packed:
+        packed.writestr("zeros", bytes(10**6))
+    monkeypatch.setattr(packs, "MOST_BYTES", 500_000)
+    assert (tmp_path / "a.zip").stat().st_size < packs.MOST_BYTES
+    with pytest.raises(EqtError, match=r"holds more than 0\.5 MB"):
+        archive.read(tmp_path / "a.zip")
+
+
 @pytest.mark.parametrize(
     ("part", "expected"),
     [
@@ -169,7 +228,7 @@ def test_a_law_is_better_by_its_ratio_and_fails_without_one():
     rows = verdicts.verdicts(whole, tasks)
     assert [row.verdict for row in rows] == ["no difference", "better", "fails"]
     assert rows[1].ratio.value == pytest.approx(0.5, rel=1e-12)
-    assert rows[2].failure == "failed 1/120"
+    assert rows[2].failure == "failed 1/60"
     means = {row.law: row.ratio.value for row in verdicts.overall(rows, whole, tasks)}
     assert means["good"] == pytest.approx(0.5, rel=1e-12)
     assert np.isnan(means["bad"])
