@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
-from eqt_cli.extensions.recordings.delay import BLOCKS
-from eqt_cli.extensions.recordings.logs import Series, tracking_errors
+from eqt_cli.extensions.logs.delay import BLOCKS
+from eqt_cli.extensions.logs.logs import Series, tracking_errors
 
 TRIALS, SECONDS, LATE = 4000, 20.0, 0.05
 

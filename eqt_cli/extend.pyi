@@ -162,8 +162,8 @@ from eqt_cli.engines.engine import SpanResult as SpanResult
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
 from eqt_cli.extensions.laws.extend import *
+from eqt_cli.extensions.logs.extend import *
 from eqt_cli.extensions.proofs.extend import *
-from eqt_cli.extensions.recordings.extend import *
 from eqt_cli.extensions.search.extend import *
 from eqt_cli.extensions.spacecraft.extend import *
 from eqt_cli.extensions.underactuated.extend import *

@@ -23,10 +23,11 @@ from eqt_cli.extensions.code import *
 from eqt_cli.extensions.diagram import *
 from eqt_cli.extensions.diff import *
 from eqt_cli.extensions.export import *
+from eqt_cli.extensions.flights import *
 from eqt_cli.extensions.gym import *
 from eqt_cli.extensions.live import *
+from eqt_cli.extensions.logs import *
 from eqt_cli.extensions.proofs import *
-from eqt_cli.extensions.recordings import *
 from eqt_cli.extensions.report import *
 from eqt_cli.extensions.search import *
 from eqt_cli.extensions.suite import *

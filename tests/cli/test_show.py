@@ -115,7 +115,7 @@ def test_options_say_where_there_is_none(eqt, result, option, said):
     assert (done.code, done.out, done.err) == (0, "", said)
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_runs_that_did_not_settle_are_listed_to_be_run_again(eqt):
     """Starts have all their digits; about a reference that starts at I, every bit comes again."""
     known = ("-q", "--set", "settling_threshold=100 deg", "--out")

@@ -74,14 +74,14 @@ def test_times_are_within_bounds(times, message):
     assert refusal(InputError, found.pieces, G) == message
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():
     found = WaypointsReference(file="plan.csv").with_files({"plan.csv": TEXT + "1,0,0,0,1\n"})
     advice = "; add `drop: [unordered]` to the mapping to leave such rows out"
     assert notes(found) == [("file", f"plan.csv:4: expected a time after 2 s, got 1 s{advice}")]
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_what_is_odd_in_a_file_is_a_remark():
     text = TEXT.replace("t,", "battery,t,").replace("\n0,", "\n12,0,").replace("\n2,", "\n11,2,")
     found = WaypointsReference(file="plan.csv").with_files({"plan.csv": text})
@@ -89,7 +89,7 @@ def test_what_is_odd_in_a_file_is_a_remark():
     assert list(WaypointsReference(POINTS).remarks(G)) == []
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_a_mapping_is_of_a_file_and_fits_it():
     no_file = ("mapping", "describes a `file`, which is not given; remove this key")
     assert notes(WaypointsReference(POINTS, mapping=LogMapping())) == [no_file]
@@ -152,7 +152,7 @@ NOISY = [
 ]
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_smoothing_is_proposed_from_the_noise_of_a_file():
     """0.02 rad from row to row at 10 Hz: accelerations of 2 rad/s² and more by noise alone."""
     rows = [f"{p.t},{np.sin(h := p.pose['rotvec'][0] / 2)},0,0,{np.cos(h)}" for p in NOISY]
@@ -189,7 +189,7 @@ NO_POSE = (
 )
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 @pytest.mark.parametrize(
     ("reference", "expected"),
     [

@@ -15,7 +15,7 @@ from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute
 
-pytestmark = pytest.mark.needs("recordings")  # columns with units
+pytestmark = pytest.mark.needs("logs")  # columns with units
 
 CONFIG = """task: track
 group: SO3

@@ -90,7 +90,7 @@ def make_results(folder):
 
 def recording_of_run(result):
     """What would have been measured of run 0 of the first controller."""
-    from eqt_cli.extensions.recordings.recording_check import Recording
+    from eqt_cli.extensions.logs.recording_check import Recording
 
     states = [result.trajectory(name, 0)[0] for name in ("pose", "velocity", "torque")]
     gaps = np.array([4])
@@ -106,7 +106,7 @@ def results(made_once):
     opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
     opened |= {name: open_at(folder / name) for name in SEARCHED.values() if has("search")}
     opened |= {"cones": open_at(folder / "cones")} if has("keep_out") else {}
-    yield opened, recording_of_run(opened["single"]) if has("recordings") else None
+    yield opened, recording_of_run(opened["single"]) if has("flights") else None
     for one in opened.values():
         one.close()
 

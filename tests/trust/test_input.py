@@ -61,7 +61,7 @@ NAMED = {
 }
 
 
-@pytest.mark.needs("recordings", "report")
+@pytest.mark.needs("logs", "report")
 @posix
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("named", NAMED)
@@ -160,7 +160,7 @@ TIMES = {
 }
 
 
-@pytest.mark.needs("recordings", "report")
+@pytest.mark.needs("logs", "report")
 @pytest.mark.parametrize("times", TIMES)
 def test_times_of_waypoints_have_bounds(sent, refused, times):
     points = ", ".join(f"{{t: {t}, pose: {{rotvec: [0, 0, {k}]}}}}" for k, t in enumerate(times))
@@ -182,7 +182,7 @@ def test_times_at_the_bounds_are_taken(sent, eqt):
     assert done.code == 0
 
 
-@pytest.mark.needs("recordings", "report")
+@pytest.mark.needs("logs", "report")
 @pytest.mark.parametrize(
     ("kind", "text", "said"),
     [

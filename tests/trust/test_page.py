@@ -46,13 +46,13 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
         assert "explanation/trust.md" in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_the_page_states_the_bounds():
     from eqt_cli.base.files import RECORD_BYTES, TEXT_BYTES
     from eqt_cli.base.yaml_source import MAX_BYTES
     from eqt_cli.config.document import DATA_BYTES
     from eqt_cli.engines.compiler import PREPROCESSOR, SECONDS, Limits
-    from eqt_cli.extensions.recordings import logs
+    from eqt_cli.extensions.logs import logs
 
     text = PAGE.read_text(encoding="utf-8")
     assert TEXT_BYTES == MAX_BYTES

@@ -209,7 +209,7 @@ def test_a_recording_at_constant_speed_is_flown_at_constant_speed():
     assert list(made.remarks(G)) == []
 
 
-@pytest.mark.needs("recordings")
+@pytest.mark.needs("logs")
 def test_a_noisy_recording_says_what_smoothing_it_needs():
     """Noise of 1 cm at 10 Hz; the residual in x is its standard deviation but for the fit."""
     rng, times = np.random.default_rng(3), 0.1 * np.arange(60)

@@ -29,7 +29,7 @@ CORE = (
     "extensions/code/decisions.py",
     "extensions/code/user_code.py",
     "extensions/laws",
-    "extensions/recordings/smoothing.py",
+    "extensions/logs/smoothing.py",
     "extensions/spacecraft",
     "extensions/underactuated",
 )

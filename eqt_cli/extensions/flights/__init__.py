@@ -1,0 +1,17 @@
+"""What flights say: of a model that replays or fits them, of runs, and of each other."""
+
+from eqt_cli.base.extensions import COMPUTE, Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("controllers", "replay", "prediction")
+    extension.add_component("figures", "measured", "figures")
+    of_replay = "model.yaml --measured flown.csv"
+    extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="compare")
+    of_fit = f"{of_replay} --over plant.inertia"
+    extension.add_command("fit", "commands.fit", COMPUTE, of_fit, after="replay")
+    extension.add_function("commands of eqt log", "commands.add_to")
+    extension.add_function("plot --measured", "api.read_measured")
+    extension.add_function("compare --measured", "api.compare_measured")
+    extension.add_function("findings on a recording", "measured.findings")

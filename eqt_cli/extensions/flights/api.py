@@ -1,0 +1,400 @@
+"""Compares flights, replays and fits a plant, and compares a recording with runs."""
+
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from eqt_cli.analysis.gate import rules_of
+from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import step
+from eqt_cli.components.groups import known_group
+from eqt_cli.config.document import Document
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
+from eqt_cli.config.schema import without_search
+from eqt_cli.extensions.flights import flights, plant_fit, prediction
+from eqt_cli.extensions.flights.measured import Explanation, explained, measured_runs
+from eqt_cli.extensions.flights.plant_fit import PlantFit, check_folder, write_fitted
+from eqt_cli.extensions.flights.prediction import Growth, Windows
+from eqt_cli.extensions.logs.api import MappingSource, driving, literal, log_errors, read_measured
+from eqt_cli.extensions.logs.logs import QUANTITIES
+from eqt_cli.extensions.logs.recording_check import Recording
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.results.result import Result
+
+# Compares flights ---------------------------------------------------------------------------------
+
+
+def compare_flights(
+    paths: Sequence[str | os.PathLike[str]],
+    against: Sequence[str | os.PathLike[str]] = (),
+    *,
+    pair: bool = False,
+    within: str = "",
+    period: float = 0.0,
+    metrics: Sequence[str] = (),
+    of: str = "rms",
+    negligible: float = 0.05,
+    all_parameters: bool = False,
+    fail_on: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    **how: Any,
+) -> flights.FlightComparison:
+    """Compare the tracking errors of flights with one setting against those with another.
+
+    Parameters
+    ----------
+    paths, against
+        Recordings of both settings, A and B, or folders of them.
+    pair
+        Whether the first of `paths` belongs to the first of `against`, and so on.
+    within
+        The order of laps of both settings in a single recording, such as ``ABABAB``; each two
+        neighbours are a pair.
+    period
+        Length of a lap, s. The error of a flight is then the geometric mean over its laps.
+    metrics
+        Quantities to compare, such as ``position``. Default: all that all flights have.
+    of
+        The size of an error over a flight: ``rms``, ``median`` or ``largest``.
+    negligible
+        Relative difference that counts as none.
+    all_parameters
+        Whether parameters count that autopilots write themselves.
+    fail_on
+        Rules, such as ``position worse by 10 %``.
+    out
+        Output folder for the figure ``flights``. Default: no figure.
+    how
+        Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
+
+    Returns
+    -------
+    FlightComparison
+        The ratio of the errors of A to those of B, by the quantity, and what else differs.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be read, stands twice, is too short, or was changed in flight.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t, files = np.linspace(0, 20, 201), ([], [])
+    >>> for k in range(10):
+    ...     size = (0.8 if k < 5 else 1.0) * (1 + 0.01 * k**2)
+    ...     files[k // 5].append(f"flight{k}.csv")
+    ...     rows = np.c_[t, np.sin(t), size + 0 * t, 0 * t]
+    ...     np.savetxt(f"flight{k}.csv", rows, delimiter=",", header="t,x,y,z", comments="")
+    >>> wanted = np.c_[t, np.sin(t), 0 * t, 0 * t]
+    >>> np.savetxt("wanted.csv", wanted, delimiter=",", header="t,x,y,z", comments="")
+    >>> eqt_cli.compare_flights(*files, second="wanted.csv").pairs[0].word
+    <Word.BETTER: 'better'>
+    """
+    rules, paired = rules_of(fail_on), pair or bool(within)
+    files = [[x for path in some for x in flights.files_in(path)] for some in (paths, against)]
+    literal(Literal["rms", "median", "largest"], "of", of)
+    wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < np.inf)}
+    if odd := wanted - {*QUANTITIES}:
+        raise EqtError(f"expected {', '.join(QUANTITIES)}; got {min(odd)!r}")
+    if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
+        turns = "laps in turns, as ABAB, because wind and battery change with time"
+        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
+    if bool(against) == bool(within) or not paths:
+        raise EqtError("against: expected flights with the other setting, or within")
+    a, b = ([file.name for file in side] for side in files)
+    if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
+        got = f"{', '.join(a)} and {', '.join(b)}"
+        raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
+    rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
+    ordered = [x for two in (zip(*rows, strict=True) if pair else rows) for x in two]
+    tracked, turns = partial(log_errors, **how), within[: len(within) // 2 * 2]
+    with step("flights", len(ordered)):
+        flown = [*flights.read_flights(ordered, tracked, of, period, turns)]
+    comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
+    if out is not None:
+        from eqt_cli.extensions.flights.figures import save_flights  # slow to import
+
+        save_flights(comparison, Path(out))
+    return comparison
+
+
+# Compares a model driven by a recorded wrench with the recording, and fits the model --------------
+
+
+WINDOWS, OF_FIT = 10, 20
+"""Length of a recording divided by the default length of a window, for `replay` and for `fit`."""
+
+MOST_WINDOWS = 50
+"""Default largest number of predicted windows."""
+
+
+def replay(
+    config: Configuration | Document,
+    measured: str | os.PathLike[str],
+    mapping: MappingSource = None,
+    *,
+    format: str = "csv",
+    hold: str = "zero",
+    delay: float = 0.0,
+    horizon: float | None = None,
+    windows: int = MOST_WINDOWS,
+    out: str | os.PathLike[str] | None = None,
+    trust_plugins: bool = False,
+) -> Growth:
+    """Predict a recording from many of its rows, and measure the growth of the error.
+
+    The plant of a configuration starts in the recorded states, and the recorded wrench drives it.
+    Control laws, control clock and sensors of the configuration are not used.
+
+    Parameters
+    ----------
+    config
+        A configuration as for `load_experiment`. Its group, inertia, plant, actuators and solver
+        are used.
+    measured
+        The recording, with poses (of a rotation, rates are enough) and wrenches.
+    mapping, format
+        As for `check_log`.
+    hold
+        Wrench between two rows: ``zero`` holds the first one, ``linear`` interpolates.
+    delay
+        The time by which the wrench was recorded late, s: at t acts the recorded wrench of
+        t + delay. The plant is moved in time for it, with whatever else depends on time.
+    horizon
+        Longest prediction, s. Default: a tenth of the recording.
+    windows
+        Largest number of start rows, which are spread over the recording.
+    out
+        Output folder for the figure ``replay`` as PDF, SVG and PNG. Default: no figure.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result.
+
+    Returns
+    -------
+    Growth
+        The error of each part at up to ten horizons: median, quantiles, and the error due to noise.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration or of the mapping.
+    EqtError
+        If the recording has no wrench or no section of this length without a gap, or if a part of
+        the plant has a state that recordings do not contain.
+
+    Examples
+    --------
+    The recording of a wheel of 2 kg m² under 1 N m. The model has 0.4 kg m²:
+
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> errors = eqt_cli.replay("configs/so2.yaml", "wheel.csv", horizon=1.0)
+    >>> float(errors.median[0, -1].round(6))  # ½ (1/0.4 − 1/2) rad/s² · (1 s)²
+    1.0
+    """
+    base, cut, plant = _opened(
+        config, measured, mapping, format, hold, horizon, WINDOWS, delay, trust_plugins
+    )
+    if windows < 1:
+        raise EqtError(f"windows: expected 1 or more, got {windows}")
+    errors = prediction.growth(plant(base), base.engine, cut, windows, delay)
+    errors = replace(errors, notes=(*errors.notes, *_notes(base, cut)))
+    if out is not None:
+        from eqt_cli.extensions.flights.figures import save_growth  # slow to import
+
+        save_growth(errors, Path(out))
+    return errors
+
+
+def fit(
+    config: Configuration | Document,
+    measured: str | os.PathLike[str],
+    over: Sequence[str],
+    mapping: MappingSource = None,
+    *,
+    format: str = "csv",
+    hold: str = "zero",
+    delay: float = 0.0,
+    horizon: float | None = None,
+    out: str | os.PathLike[str] | None = None,
+    trust_plugins: bool = False,
+) -> PlantFit:
+    """Fit numbers of a plant so that it predicts a recording best.
+
+    The fit minimises the sum of the squared errors of replayed windows, each divided by the noise
+    of the recording. The fitted configuration is written as ``fitted.yaml``.
+
+    Parameters
+    ----------
+    config, measured, mapping, format, hold, delay, trust_plugins
+        As for `replay`. The search starts at the numbers of the configuration.
+    over
+        Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
+        three entries. ``delay`` finds the delay of the wrench, from the one that is given.
+    horizon
+        Length of a window, s. Default: a twentieth of the recording.
+    out
+        Output folder. Default: ``results/<name>-fitted``.
+
+    Returns
+    -------
+    PlantFit
+        The numbers with their intervals, and the errors before and after the fit.
+
+    Raises
+    ------
+    ConfigError, EqtError
+        As for `replay`. Also if a key is not a number of the plant, or the recording does not
+        determine it.
+
+    Examples
+    --------
+    The recording of a wheel of 2 kg m² under 1 N m. The search starts at 0.4 kg m²:
+
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> fit = eqt_cli.fit("configs/so2.yaml", "wheel.csv", ["inertia"], horizon=0.5)
+    >>> round(fit.numbers[0].value, 4)
+    2.0
+    """
+    base, cut, plant = _opened(
+        config, measured, mapping, format, hold, horizon, OF_FIT, delay, trust_plugins
+    )
+    folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
+    check_folder(folder)
+    fitted = plant_fit.fit(base, over, cut, plant, delay)
+    written = write_fitted(fitted, folder)
+    return replace(fitted, config=written, notes=(*fitted.notes, *_notes(base, cut)))
+
+
+def _opened(
+    config: Configuration | Document,
+    measured: str | os.PathLike[str],
+    mapping: MappingSource,
+    format: str,
+    hold: str,
+    horizon: float | None,
+    parts: int,
+    delay: float,
+    trust_plugins: bool,
+) -> tuple[Experiment, Windows, Callable[[Experiment], ClosedLoop]]:
+    """Return the experiment, the windows of the recording, and a function that drives its plant."""
+    if isinstance(config, Document):
+        document = config
+    else:
+        document = document_from(config, {}, trust_plugins=trust_plugins)
+    base = build(replace(document, data=without_search(document.data)))
+    recording = prediction.by_rotors(base.vehicle, driving(measured, base.group, mapping, format))
+    recording.require_wrenches()
+    length = float(recording.times[-1] - recording.times[0])
+    if not abs(delay) < length:
+        raise EqtError(
+            f"delay: expected less than the {length:.4g} s of {recording.name}, got {delay:g} s"
+        )
+    if horizon is None:
+        horizon = length / parts
+    if not horizon > 0:
+        raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
+    held = literal(prediction.Hold, "hold", hold)
+    law = prediction.Replay(file=recording.name, hold=held).with_recording(recording)
+    return base, Windows(recording, horizon), lambda one: prediction.driven(one, law)
+
+
+def _notes(base: Experiment, windows: Windows) -> Iterator[str]:
+    yield from (f"{windows.recording.name}: {note}." for note in windows.recording.notes)
+    if left := [name for name in ("control", "sensors") if name in base.resolved]:
+        yield (
+            f"{' and '.join(left)} of the configuration are left out: the recorded wrench acts "
+            "when it was recorded."
+        )
+
+
+# A recording beside the runs of a result ----------------------------------------------------------
+
+
+def compare_measured(
+    result: ResultPath,
+    measured: str | os.PathLike[str],
+    mapping: MappingSource = None,
+    *,
+    format: str = "csv",
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    point: int | None = None,
+    units: Sequence[str] = (),
+) -> list[Explanation]:
+    """Compute how much of a measured tracking error the runs of a result explain.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    measured, mapping, format
+        A recording, as for `check_log`. Without ``time.offset`` in the mapping, its clock is
+        aligned with that of the runs. Without a wrench, its rotor speeds give one.
+    run
+        Number of the run, counted from 0.
+    controllers
+        Labels of the controllers to compare with; all if empty.
+    point
+        Point of a sweep, counted from 0.
+    units
+        Units of quantities, as for `compare`.
+
+    Returns
+    -------
+    list of Explanation
+        The explained shares of the error, for each controller.
+
+    Raises
+    ------
+    EqtError
+        If the run or a controller does not exist, or the recording does not fit the run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> with eqt_cli.open_result("results/paper") as result:
+    ...     poses = result.read("pose", controller="eqt", run=0).reshape(-1, 9)
+    ...     rows = np.c_[result.times + 0.25, poses]
+    >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
+    >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
+    >>> late = {"time": {"offset": -0.25}}
+    >>> laws = eqt_cli.compare_measured("results/paper", "flight.csv", late)
+    >>> laws[0].rows == len(rows), round(laws[0].shares[0].explained, 6)
+    (True, 1.0)
+    """
+    with open_at(path_from("result", result), point) as opened:
+        group = known_group(opened.group_name)
+        if group is None:
+            raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
+        recording = _with_wrench(opened, read_measured(measured, group, mapping, format))
+        chosen = [opened.position_of(name) for name in controllers]
+        shown_in = opened.in_units(units).shown_in
+        return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]
+
+
+def _with_wrench(result: Result, recording: Recording) -> Recording:
+    """Return the recording with the wrench of its rotors, where it has speeds and no wrench."""
+    if not recording.speeds.size or np.isfinite(recording.wrenches).any():
+        return recording
+    try:
+        vehicle = next(iter(result.loops.values())).vehicle
+        recording = prediction.by_rotors(vehicle, recording)
+        note = "the rotor speeds give the wrench, by the thrusters of the configuration"
+    except EqtError as error:
+        note = f"the rotor speeds are not used: {error}"
+    return replace(recording, notes=(*recording.notes, note))

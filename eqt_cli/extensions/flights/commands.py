@@ -1,0 +1,243 @@
+"""`eqt replay`, `eqt fit` and `eqt log compare`: what flights say of a model and of each other."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import takewhile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import options, output
+from eqt_cli.cli.compare import Gate, Undecided
+from eqt_cli.cli.options import Command, example
+from eqt_cli.cli.output import laid_out, print_findings, say
+from eqt_cli.cli.tables import as_csv
+
+if TYPE_CHECKING:
+    from eqt_cli.config.document import Document
+
+from eqt_cli.extensions.logs.commands import QUANTITIES, Errors
+
+Measured = Annotated[Path, options.option("--measured")]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """How a recording and the wrench in it are read."""
+
+    mapping: options.Mapping = None
+    format: options.LogFormat = "csv"
+    hold: Annotated[str, options.option("--hold", names=("zero", "linear"))] = "zero"
+    delay: Annotated[float, options.option("--delay")] = 0.0
+    horizon: Annotated[float | None, options.option("--horizon")] = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """The changes of the model, the folder of the outcome, and what is printed."""
+
+    set_: options.Set = None
+    engine: options.Engine = None
+    out: options.Out = None
+    trust_plugins: options.TrustPlugins = False
+    json: options.Json = False
+    quiet: options.Quiet = False
+
+    def document(self, config: Path) -> Document:
+        """Return the configuration with the changes, not yet checked."""
+        trusted = self.trust_plugins
+        return options.document_of(config, self.set_, self.engine, trust_plugins=trusted)
+
+
+def replay(
+    config: options.Config,
+    measured: Measured,
+    recorded: Recorded,
+    windows: Annotated[int, options.option("--windows", min=1)] = 50,
+    *,
+    model: Model,
+) -> None:
+    """Replay a recorded wrench and print the prediction error against the horizon.
+
+    Each window starts at a recorded state. The control laws of the configuration are not used.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Delay with which the wrench was recorded, s.
+        --horizon S  Length of a window, s. Default: a tenth of the recording.
+        --windows N  Largest number of windows.
+    Result
+        --out DIR  Folder for the figure replay.
+    """
+    from eqt_cli import api
+    from eqt_cli.base.option_types import plain_data
+    from eqt_cli.extensions.flights.prediction import growth_table
+
+    how = {**vars(recorded), "windows": windows, "out": model.out}
+    growth = api.replay(model.document(config), measured, **how)
+    print_findings(plain_data(growth), laid_out(growth_table(growth)), json=model.json)
+    if model.out is not None:
+        say(f"figure in {model.out}")
+
+
+def fit(
+    config: options.Config,
+    measured: Measured,
+    over: Annotated[str, options.option("--over")],
+    recorded: Recorded,
+    model: Model,
+) -> None:
+    """Estimate parameters of the plant from a recording, with 95 % intervals.
+
+    The configuration with the fitted numbers is written to results/NAME-fitted/fitted.yaml.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Delay with which the wrench was recorded, s.
+        --over KEYS  Parameters of the plant to estimate, separated by commas, such as
+            plant.inertia.relative,plant.forces[0].linear; delay is the delay of the wrench.
+        --horizon S  Length of a window, s. Default: a twentieth of the recording.
+    Result
+        --out DIR  Folder for fitted.yaml.
+    """
+    from eqt_cli import api
+    from eqt_cli.base.option_types import plain_data
+    from eqt_cli.extensions.flights.plant_fit import fit_tables
+
+    if "=" in over:
+        key = over.partition("=")[0].strip()
+        raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
+    keys = [key.strip() for key in over.split(",") if key.strip()]
+    fitted = api.fit(model.document(config), measured, keys, **vars(recorded), out=model.out)
+    numbers, residuals = map(laid_out, fit_tables(fitted))
+    findings = plain_data({k: v for k, v in vars(fitted).items() if k != "document"})
+    print_findings(findings, numbers, "", residuals, "", str(fitted.config), json=model.json)
+
+
+# `eqt log compare` -------------------------------------------------------------------------------
+
+
+TWO_SIDES = "new1.ulg new2.ulg --against old1.ulg old2.ulg"
+Form = StrEnum("Form", "TEXT CSV")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to the group `eqt log`."""
+    epilog = example("eqt log compare", TWO_SIDES)
+    app.command("compare", cls=_Against, epilog=epilog)(options.spread(compare_flights))
+
+
+class _Against(Command):
+    """A command whose option --against takes all files that follow it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat the option before each of these files."""
+        at = args.index("--against") + 1 if "--against" in args else len(args)
+        files = list(takewhile(lambda word: not word.startswith("-"), args[at:]))
+        repeated = [word for file in files[1:] for word in ("--against", file)]
+        return super().parse_args(
+            ctx, [*args[:at], *files[:1], *repeated, *args[at + len(files) :]]
+        )
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """Which flights or laps belong together, and what is compared."""
+
+    against: Annotated[list[Path] | None, options.option("--against")] = None
+    pair: Annotated[bool, options.option("--pair")] = False
+    within: Annotated[str | None, options.option("--within")] = None
+    period: Annotated[float | None, options.option("--period", min=0.0)] = None
+    metrics: Annotated[list[str] | None, options.option("--metric", names=QUANTITIES)] = None
+    of: Annotated[str, options.option("--of", names=("rms", "median", "largest"))] = "rms"
+    negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.05
+    all_parameters: Annotated[bool, options.option("--all-parameters")] = False
+    second: Annotated[Path | None, options.option("--second")] = None
+    mapping: Annotated[Path | None, options.option("--mapping")] = None
+
+
+def compare_flights(
+    files: Annotated[list[Path], typer.Argument(metavar="A", help="Flights, or their folder.")],
+    what: Comparing,
+    log_format: options.LogFormat = "csv",
+    *,
+    how: Errors,
+    rules: Annotated[Gate, {"law", "same"}],
+    format_: Annotated[Form, options.option("--format")] = Form.TEXT,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compare the errors of flights with one setting, A, against those with another, B.
+
+    It prints what else differs, such as parameters in the logs, and for each quantity the ratio of
+    the errors, with its interval. A flight counts once, however many laps it has.
+
+    Options
+    -------
+    What to show
+        --against FILE  Flights with the other setting, all files that follow, or their folder.
+            Repeatable.
+        --pair  The first file belongs to the first one of --against, and so on.
+        --within ORDER  Compare laps of a single file, whose order is such as ABABAB, by --period.
+        --period S  Length of a lap, s; the laps of a flight are averaged.
+        --metric NAME  position, velocity, attitude or rates. Repeatable. Default: all.
+        --of NAME  Size of the errors of a flight: rms, median or largest.
+        --negligible X  Relative difference that counts as none.
+        --all-parameters  Compare also parameters that an autopilot writes itself, such as CAL_*.
+    Experiment
+        --second FILE  Desired motion of all flights. Default: the setpoints in their files.
+        --second-mapping FILE  Mapping of the desired motion. Default: that of the flights.
+        --second-format NAME  Format of the desired motion. Default: that of the flights.
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --topic NAME  Topic of the measurement. Default: the first that a file has.
+        --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
+            of its targets. Default: the first that a file has.
+        --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
+        --align NAME  Move the measured positions first: rigid, similarity, yaw or origin.
+        --relative N  Compare the motions over N instants in place of the poses, or over metres of
+            the desired path, such as 5m.
+        --begin S  First time to compare, s: 12.5 by the clock of a file, +5 from its first row.
+        --end S  Last time to compare, as --begin.
+        --disarmed  Compare also times while the vehicle was disarmed.
+    Result
+        --out DIR  Folder for the figure flights.
+    Output
+        --format NAME  text, or csv with a row per flight.
+    Two settings
+        --fail-on RULE  What must not be: 'position worse by 10 %', or worse (by the words of the
+            comparison). Repeatable.
+        --undecided WORD  fail or pass, where a rule is not shown to hold.
+    """
+    from eqt_cli import api
+    from eqt_cli.analysis.gate import outcome
+
+    fail_on, is_open = rules.arguments(files[0])["fail_on"], rules.undecided is Undecided.PASS
+    span = {"begin": how.begin or "-inf", "end": how.end or "inf", "format": log_format}
+    chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
+    both = api.compare_flights(files, **chosen, **vars(how) | span, fail_on=fail_on or ())
+    passes, record, lines = outcome(both.findings, undecided=is_open)
+    lines = [*lines, ""] if fail_on else []
+    with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
+        if json:
+            output.print_json(({"gate": record} if fail_on else {}) | both.document)
+        elif format_ is Form.CSV:
+            output.print_verbatim(as_csv([flight.record for flight in both.flights]))
+        else:
+            blank = [""] if both.premises else []
+            ratios, flights = map(laid_out, both.tables())
+            output.print_text(*lines, *both.premises, *blank, ratios, "", flights)
+    if not passes:
+        raise typer.Exit(4)

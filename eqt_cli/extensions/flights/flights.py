@@ -1,0 +1,449 @@
+"""Compares flights of two settings: the ratio of their errors, how sure it is, what else differs.
+
+The unit is a flight: its laps share wind, battery and settings, so that their spread says nothing
+of the next flight. What multiplies an error differs from flight to flight, hence logarithms.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.analysis import gate
+from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
+from eqt_cli.api.loading import path_from
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import content_of
+from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
+from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
+from eqt_cli.extensions.logs.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
+from eqt_cli.extensions.logs.recording import GAP
+
+CONFIDENCE = 0.95
+"""Of intervals and words."""
+
+LEAST_SECONDS, LEAST_SHARE, SLACK = 10.0, 0.5, 0.05
+"""Least time that is compared, s, and as a share of the time with setpoints; and the share of a lap
+that may be missing at the end."""
+
+ALIKE, MOST_SHOWN = (0.9, 1.1), 6
+"""Ratios of times, speeds and winds that are not told; largest number of settings that are told."""
+
+RESAMPLES = 9_999
+"""Largest number of permutations that are all tried; else so many are drawn."""
+
+SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.max}
+SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
+
+Errors = Mapping[str, Sequence[Array]]
+Tracked = Callable[[Path], TrackingErrors]
+"""The errors of both sides by the quantity, and a function that measures those of a file."""
+
+OWN = re.compile(
+    r"CAL_|TC_|COM_(FLIGHT_UUID|AUTOS_PAR)|LND_FLIGHT_T_|EKF2_MAG(BIAS|_DECL)|STAT_|COMPASS_|INS_|"
+    r"BARO\d_GND|.*_ID\d?$"
+)
+"""Parameters that an autopilot writes itself, or that tell vehicles apart."""
+
+
+# Statistics ---------------------------------------------------------------------------------------
+
+
+def difference(x: Array, y: Array, paired: bool, confidence: float) -> tuple[Interval, Any]:
+    """Return the difference of two means, with Student's interval, of Welch (1947) without pairs.
+
+    Of logarithms, it is the logarithm of the ratio of geometric means.
+
+    Parameters
+    ----------
+    x, y : (..., n), (..., m)
+        Numbers of both sides.
+    paired
+        Whether number k of both belong together.
+
+    Returns
+    -------
+    Interval, float
+        Its ends are NaN for fewer than `FEWEST` numbers. The standard deviation of pairs, or of
+        the difference of a number of each side; infinite if it is unknown or 0.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    parts, value = [x - y] if paired else [x, y], x.mean(axis=-1) - y.mean(axis=-1)
+    if min(x.shape[-1], y.shape[-1]) < FEWEST:
+        return Interval(value, math.nan, math.nan), math.inf
+    variances = [part.var(axis=-1, ddof=1) for part in parts]
+    squares = [v / part.shape[-1] for v, part in zip(variances, parts, strict=True)]
+    freedoms = [s**2 / (part.shape[-1] - 1) for s, part in zip(squares, parts, strict=True)]
+    with np.errstate(invalid="ignore"):  # where all numbers of a side are equal
+        t = stdtrit(sum(squares) ** 2 / sum(freedoms), (1 + confidence) / 2)
+    half = np.nan_to_num(t) * np.sqrt(sum(squares))
+    spread = np.sqrt(sum(variances))
+    return Interval(value, value - half, value + half), np.where(spread > 0, spread, np.inf)
+
+
+def permutation_test(x: Array, y: Array, paired: bool) -> Any:
+    """Return the exact p-value that two sides are alike, by the difference of their means.
+
+    All ways to deal the numbers out to two sides, or to swap the sides of pairs (Fisher 1935),
+    are as likely; beyond `RESAMPLES` ways, so many are drawn. It is NaN for few numbers, too.
+    """
+    from scipy import stats  # slow to import
+
+    def distance(x: Array, y: Array, axis: int) -> Any:
+        return abs(x.mean(axis=axis) - y.mean(axis=axis))
+
+    how: Any = {"permutation_type": "samples" if paired else "independent", "axis": -1, "rng": 0}
+    how |= {"n_resamples": RESAMPLES, "alternative": "greater", "vectorized": True}
+    is_enough = min(x.shape[-1], y.shape[-1]) >= FEWEST
+    return stats.permutation_test((x, y), distance, **how).pvalue if is_enough else math.nan
+
+
+# The numbers of a flight --------------------------------------------------------------------------
+
+
+class Flown(NamedTuple):
+    """The errors of a flight, or of a lap.
+
+    Attributes
+    ----------
+    side, file, digest
+        ``A``, or ``B``, against which it is compared; the file and its SHA-256.
+    laps
+        Number of laps; the errors are their geometric means.
+    seconds, speed, wind
+        Time that is compared, s, mean speed of the setpoints and mean wind, m/s; NaN if not logged.
+    errors
+        By the quantity, in its unit.
+    settings
+        Parameters, release and hardware at the begin.
+    """
+
+    side: str
+    file: str
+    digest: str
+    laps: int
+    seconds: float
+    speed: float
+    wind: float
+    errors: dict[str, float]
+    settings: dict[str, str]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """A row of numbers, for programs."""
+        return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
+
+
+def files_in(path: Any) -> list[Path]:
+    """Return a recording, or those in a folder that is no bag."""
+    folder = path_from("paths", path)
+    if not folder.is_dir() or (folder / "metadata.yaml").exists():
+        return [folder]
+    return sorted(x for x in folder.iterdir() if x.suffix.lower() in (*FORMATS_BY_SUFFIX, ".csv"))
+
+
+def seconds_of(times: Array) -> float:
+    """Return the time between rows, without gaps, s."""
+    steps = np.diff(times)
+    return float(steps[steps <= GAP * np.median(steps)].sum()) if len(steps) else 0.0
+
+
+def settings_of(tracking: TrackingErrors, begin: float, end: float) -> tuple[dict[str, str], Any]:
+    """Return the settings at the begin, and how they change until the end, in words."""
+    settings, changes = dict[str, str](), dict[str, str]()
+    topics = tracking.flight.topics if tracking.flight else []
+    for t, name, value in (row for topic in topics for row in topic.settings if row[0] < end):
+        text = f"{value:.7g}" if isinstance(value, float) else f"{value}"
+        if t <= begin or name not in settings:
+            settings[name] = text
+        elif settings[name] != text and not OWN.match(name):
+            changes.setdefault(name, f"{name} {settings[name]} → {text} at {t:.4g} s")
+    return settings, [*changes.values()]
+
+
+def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: Array) -> Flown:
+    """Return the errors of a flight of this side, file and digest, over laps between times."""
+    errors, (begin, end) = dict[str, float](), cuts[[0, -1]]
+    for quantity, (t, rows) in tracking.curves.items():
+        x = abs(rows[:, 0])
+        laps = (x[(a <= t) & (t < b) & np.isfinite(x)] for a, b in pairwise(cuts))
+        sizes = [SIZES[of](lap) for lap in laps if len(lap)]
+        if 0 in sizes:
+            raise EqtError(f"{name[1]}: the {of} {quantity} error is 0, which has no ratio")
+        errors |= {quantity: float(np.exp(np.mean(np.log(sizes))))} if sizes else {}
+
+    def numbers(series: Series) -> Array:
+        return series.numbers[(begin <= series.times) & (series.times < end)]
+
+    t = next(iter(tracking.curves.values()))[0]
+    seconds = seconds_of(t[(begin <= t) & (t < end)])
+    goals = [numbers(goal) for q, goal in tracking.goals.items() if q == "position"]
+    speed = [np.nansum(norm(np.diff(x, axis=0))) / (seconds or math.nan) for x in goals]
+    winds = tracking.flight.series("wind") if tracking.flight else ()
+    wind = [norm(numbers(series)).mean() for series in winds]
+    means = (float(x[0]) if x else math.nan for x in (speed, wind))
+    settings = settings_of(tracking, begin, end)[0]
+    facts: Any = *name, len(cuts) - 1, seconds, *means, errors, settings
+    return Flown(*facts)
+
+
+def read_flights(
+    files: Sequence[tuple[str, Path]], tracked: Tracked, of: str, period: float, within: str
+) -> Iterator[Flown]:
+    """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit."""
+    first, topics = dict[str, Path](), dict[str, tuple[str, Path]]()
+    for side, file in files:
+        tracking, parts = tracked(file), [*file.iterdir()] if file.is_dir() else [file]
+        digest = sha256(b"".join(content_of(x, MAX_BYTES) for x in sorted(parts))).hexdigest()
+        if first.setdefault(digest, file) is not file:
+            raise EqtError(f"{file}: the same recording as {first[digest]}; a flight counts once")
+        compared = tracking.topics if tracking.flight else {}
+        for quantity, pair in compared.items():
+            if (other := topics.setdefault(quantity, (pair, file)))[0] != pair:
+                advice = "choose the topics of all by --topic and --setpoint"
+                raise EqtError(f"{file}: compares {pair}, but {other[1]} {other[0]}; {advice}")
+        t = next(iter(tracking.curves.values()))[0]
+        begin, end = t[0], np.nextafter(t[-1], np.inf)
+        seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
+        if seconds < max(LEAST_SECONDS, LEAST_SHARE * whole):
+            least = f"{LEAST_SECONDS:g} s or more, and half of {whole:.4g} s with setpoints"
+            raise EqtError(f"{file}: only {seconds:.4g} s are compared; expected {least}")
+        if (changes := settings_of(tracking, begin, end)[1]) and not within:
+            advice = "take a part by --begin and --end, or laps in turns by --within"
+            raise EqtError(f"{file}: changed in flight: {', '.join(changes)}; {advice}")
+        lap = period or end - begin
+        cuts = begin + lap * np.arange(1 + (len(within) or int((end - begin) / lap + SLACK)))
+        if len(cuts) < 2 or cuts[-1] > end + SLACK * lap:
+            raise EqtError(f"{file}: {end - begin:.4g} s are too few for laps of {period:g} s")
+        for k, letter in enumerate(within):
+            yield flown((letter, f"{file} lap {k + 1}", digest), tracking, of, cuts[k : k + 2])
+        if not within:
+            yield flown((side, f"{file}", digest), tracking, of, cuts)
+        reporter().advance(1)
+
+
+# Two sides ----------------------------------------------------------------------------------------
+
+
+class FlightRatio(NamedTuple):
+    """The ratio of the errors of A and B.
+
+    Attributes
+    ----------
+    metric, unit, first, second
+        The quantity with its unit, and the geometric means of A and of B.
+    ratio, low, high
+        Their ratio with its 95 % interval; NaN for fewer than `FEWEST` flights.
+    p
+        Of `permutation_test`, adjusted after Holm (1979) for all quantities.
+    word, decided
+        The word for A by the interval, and whether it stands: *better* and *worse* need the test.
+    needed
+        Flights of a side, or pairs, whose interval excludes 1 with probability 0.8, if the ratio is
+        as measured.
+    """
+
+    metric: str
+    unit: str
+    first: float
+    second: float
+    ratio: float
+    low: float
+    high: float
+    p: float
+    word: Word
+    decided: bool
+    needed: int | None
+
+    def __str__(self) -> str:
+        """``−19 % [−30, −6], better``."""
+        digits = 0 if self.high - self.low > 0.05 else 1
+        value, *ends = (fixed(100 * x - 100, digits, signed=True) for x in self[4:7])
+        change = f"{value} % [{', '.join(ends)}]".removesuffix(" [-, -]").replace("-", "−")
+        word = f", {self.word if self.decided else Word.UNDECIDED}"
+        more = f"; {self.needed} of each would decide" if self.needed and not self.decided else ""
+        return change if math.isnan(self.low) else change + word + more
+
+
+def least_pairs(tests: int) -> int:
+    """Return the pairs that may decide so many tests: if all go one way, p = 2/2^n."""
+    return math.ceil(math.log2(2 * tests / (1 - CONFIDENCE)))
+
+
+def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRatio]:
+    """Yield the ratio of the errors of A and B for each quantity."""
+    rows = [(q, np.log(x), np.log(y)) for q, (x, y) in errors.items()]
+    tests = [permutation_test(x, y, paired) for _, x, y in rows]
+    for (q, x, y), p in zip(rows, holm(np.array(tests)).tolist(), strict=True):
+        ends, spread = difference(x, y, paired, CONFIDENCE)
+        word = Word.BETTER if ends.high < 0 else Word.WORSE if ends.low > 0 else Word.UNDECIDED
+        is_alike = max(-math.expm1(ends.low), math.expm1(ends.high)) <= negligible
+        decided = is_alike or (word is not Word.UNDECIDED and p <= 1 - CONFIDENCE)
+        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends))
+        word = Word.ALIKE if is_alike else word
+        least = least_pairs(len(errors)) if paired else FEWEST
+        needed = runs_to_decide(ends.value / spread, CONFIDENCE)
+        if needed is not None:
+            more = 0 if decided else min(len(x), len(y)) + 1
+            needed = max(needed, least, more)
+        row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
+        yield FlightRatio(*row)
+
+
+def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
+    """Return what the one-sided bounds of a change say of a rule."""
+    if rule.metric not in errors:
+        raise EqtError(f"fail_on: '{rule}': expected one of {', '.join(errors)}")
+    x, y = errors[rule.metric]
+    factor, is_relative = rule.factor(QUANTITIES[rule.metric][0]), rule.unit == "%"
+    margin = rule.margin / factor
+    if is_relative:
+        x, y, margin = np.log(x), np.log(y), math.log1p(margin)
+    change, spread = difference(x, y, paired, gate.TWO_SIDED)
+    ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change)
+    facts: Any = {"noun": "pair" if paired else "flight", "names": {"metric": rule.metric}}
+    n, needed = min(len(x), len(y)), runs_to_decide(margin / spread, gate.TWO_SIDED)
+    return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, **facts)
+
+
+def _counted(values: Counter[str]) -> str:
+    return ", ".join(f"{value} ({k})" if len(values) > 1 else value for value, k in values.items())
+
+
+def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the settings that are not the same in all flights, and what differs in words."""
+    differing, lines = list[dict[str, Any]](), list[str]()
+    flights = [x for side in sides for x in side]
+    every_name = dict.fromkeys(name for x in flights for name in x.settings)
+    names = [name for name in every_name if every or not OWN.match(name)]
+    shared = [name for name in names if all(name in x.settings for x in flights)]
+    for name in shared:
+        a, b = (Counter(x.settings[name] for x in side) for side in sides)
+        if len(a | b) > 1:
+            differing.append({"name": name, "A": a, "B": b})
+            mixed = [side for side, count in (("A", a), ("B", b)) if len(count) > 1]
+            where = (
+                f"the flights of {' and '.join(mixed)} do not have one setting: " if mixed else ""
+            )
+            in_all = " in all" if not mixed else ""
+            lines.append(f"{where}{name} {_counted(b)} → {_counted(a)}{in_all}")
+    more, alone = len(lines) - MOST_SHOWN, len(names) - len(shared)
+    lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] if more > 0 else []
+    if alone > 0:
+        lines += [f"{alone} settings are not in all files"]
+    if shared and not lines:
+        lines += ["all flights have the same settings"]
+    for name, words in ("seconds", "as long"), ("speed", "as fast"), ("wind", "as windy"):
+        x, y = (float(np.mean([getattr(x, name) for x in side])) for side in sides)
+        if y > 0 and (x / y < ALIKE[0] or x / y > ALIKE[1]):
+            lines.append(f"the flights of A are {x / y:.2g} times {words} as those of B")
+    return differing, lines
+
+
+def remarks(n: int, m: int, paired: bool, tests: int) -> Iterator[str]:
+    """Yield what limits the words, and what the numbers are."""
+    least = least_pairs(tests)
+    if n == m == 1:
+        yield "this compares two flights, not two settings"
+    elif paired and n < least:
+        fewer = ", or fewer quantities (--metric)" if tests > 1 else ""
+        none = "no interval below 5; " if n < FEWEST else ""
+        yield f"{n} pairs: {none}{least} are the least for better or worse{fewer}"
+    elif min(n, m) < FEWEST:
+        advice = "pairs flown in the same hour need far fewer"
+        yield f"{n} and {m} flights: no interval and no words below {FEWEST} each; {advice}"
+    by = "pairs, by Student's t" if paired else "flights, by Welch's t"
+    yield f"A, B: geometric means; 95 % intervals over {by} of logarithms; p: exact test"
+
+
+class FlightComparison(NamedTuple):
+    """Flights of a setting A against those of a setting B.
+
+    Attributes
+    ----------
+    flights
+        The flights; of pairs, those of a pair one after the other.
+    pairs
+        The ratio of the errors of both sides, for each quantity.
+    parameters
+        Settings that are not the same in all flights, with the number of flights by their values.
+    premises
+        What differs besides the errors, in words.
+    notes
+        What limits the words, and what the numbers are.
+    findings
+        What each rule of `fail_on` says.
+    paired
+        Whether flights are compared in pairs.
+    """
+
+    flights: list[Flown]
+    pairs: list[FlightRatio]
+    parameters: list[dict[str, Any]]
+    premises: list[str]
+    notes: list[str]
+    findings: list[gate.Finding]
+    paired: bool
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The numbers, for programs."""
+        rows = {"flights": [x.record for x in self.flights]}
+        rows["pairs"] = [x._asdict() for x in self.pairs]
+        return {name: x for name, x in self._asdict().items() if name != "findings"} | rows
+
+    def tables(self) -> Iterator[TextTable]:
+        """Yield the ratios, and the numbers of each flight."""
+        header = ["error", "unit", "A", "B", "A against B", "p"]
+        rows = [
+            [*x[:2], *map(significant, x[2:4]), f"{x}", significant(x.p, 2)] for x in self.pairs
+        ]
+        yield TextTable("ratios", "", header, [Block("", rows)], self.notes, keys=2)
+        header = ["side", "file", "laps", "seconds", "speed", "wind", *(x[0] for x in self.pairs)]
+        cells = [[flight.record[name] for name in header] for flight in self.flights]
+        rows = [[significant(x, 3) if type(x) is float else f"{x}" for x in row] for row in cells]
+        yield TextTable("flights", "", header, [Block("", rows)], keys=2)
+
+
+def compared(
+    flights: list[Flown],
+    paired: bool,
+    metrics: Sequence[str],
+    negligible: float,
+    every: bool,
+    rules: Sequence[gate.Rule],
+) -> FlightComparison:
+    """Compare the flights of both sides by the quantities that all have.
+
+    Raises
+    ------
+    EqtError
+        If there is none, or a rule does not fit them.
+    """
+    sides = [[x for x in flights if x.side == side] for side in "AB"]
+    lacking = {q: [x.file for x in flights if q not in x.errors] for q in metrics or QUANTITIES}
+    shared = [q for q, some in lacking.items() if not some]
+    errors = {q: [np.array([x.errors[q] for x in side]) for side in sides] for q in shared}
+    most = len(flights) + bool(metrics)  # what nobody has and nobody asked for is not told
+    notes = [f"{q}: left out, as {x[0]} has none" for q, x in lacking.items() if 0 < len(x) < most]
+    if not shared:
+        raise EqtError(f"no quantity that all flights have; {'; '.join(notes)}")
+    notes += remarks(len(sides[0]), len(sides[1]), paired, len(shared))
+    pairs = [*ratios(errors, paired, negligible)]
+    findings = [finding(rule, errors, paired) for rule in rules if rule.margin < math.inf]
+    for rule in (rule for rule in rules if rule.margin == math.inf):
+        if rule.metric == "failed" or min(map(len, sides)) < FEWEST:
+            needs = f"worse needs {FEWEST} flights of each side, and failed is of runs"
+            raise EqtError(f"fail_on: {needs}; try 'position worse by 10 %'")
+        worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
+        findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
+    differing = premises(sides, every)
+    return FlightComparison(flights, pairs, *differing, notes, findings, paired)

@@ -1,0 +1,4 @@
+from eqt_cli.extensions.logs.api import check_log as check_log
+from eqt_cli.extensions.logs.api import log_errors as log_errors
+
+FORMATS_BY_SUFFIX: dict[str, str]

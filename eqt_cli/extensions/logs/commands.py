@@ -1,0 +1,179 @@
+"""`eqt log`: what recordings contain, and the tracking errors in them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.base.extensions import imported, shipped
+from eqt_cli.base.reporting import significant
+from eqt_cli.cli import options, output
+from eqt_cli.cli.options import Command, Group, example
+from eqt_cli.cli.output import laid_out, print_findings, say
+from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.logs.logs import LogCheck
+
+FORMATS = "csv", "tum", "euroc"
+QUANTITIES = "position", "velocity", "attitude", "rates"
+ASSOCIATIONS = "linear", "nearest", "held"
+ALIGNMENTS = "rigid", "similarity", "yaw", "origin"
+
+MOST_GAPS = 5
+"""Maximum number of gaps that are listed; further gaps are counted."""
+
+log_app = typer.Typer(
+    cls=Group,
+    help="Check recordings of a motion, and evaluate tracking errors in them.",
+    epilog=example("eqt log", "check flown.csv"),
+    no_args_is_help=True,
+)
+
+
+@log_app.callback()
+def log() -> None:
+    """Check recordings of a motion, and evaluate tracking errors in them."""
+
+
+@log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
+def check_log(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help=f"Table, or log: {', '.join(FORMATS_BY_SUFFIX)}.")
+    ],
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
+    group: Annotated[str | None, options.option("--group")] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Show what a recording contains; exit 2 if it cannot be used.
+
+    It lists the topics and columns with their meaning, the units, the rate, gaps, inconsistencies,
+    and the mapping used.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: by the first row.
+        --group NAME  Group of the poses. Default: the one that fits the columns.
+    """
+    from eqt_cli import api
+
+    checked = api.check_log(file, mapping, format=format_, group=group)
+    if json:
+        output.print_json(asdict(checked) | {"mapping": checked.mapping})
+    else:
+        _print_log(checked)
+    if checked.problems:
+        raise typer.Exit(2)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Which motions are compared, when and how, and the folder of the outcome."""
+
+    second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None
+    second_format: Annotated[str | None, options.option("--second-format", names=FORMATS)] = None
+    topic: Annotated[str | None, options.option("--topic")] = None
+    setpoint: Annotated[str | None, options.option("--setpoint")] = None
+    association: Annotated[str, options.option("--association", names=ASSOCIATIONS)] = "linear"
+    align: Annotated[str | None, options.option("--align", names=ALIGNMENTS)] = None
+    relative: Annotated[str | None, options.option("--relative")] = None
+    begin: Annotated[str | None, options.option("--begin")] = None
+    end: Annotated[str | None, options.option("--end")] = None
+    disarmed: Annotated[bool, options.option("--disarmed")] = False
+    out: options.Out = None
+
+
+@log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
+@options.spread
+def log_errors(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
+    second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
+    *,
+    how: Errors,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Evaluate the errors from the setpoints: position, velocity, attitude and rates.
+
+    The smoother of measurement and setpoints is interpolated to the instants of the other.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: by the first row.
+        --topic NAME  Topic of the measurement. Default: the first that the file has.
+        --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
+            of its targets. Default: the first that the file has.
+        --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
+        --second-mapping FILE  Mapping of SECOND. Default: that of FILE.
+        --second-format NAME  Format of SECOND. Default: that of FILE.
+        --align NAME  Move the measured positions first: rigid, similarity (both by Umeyama), yaw
+            (rigid, about z only) or origin (by the first pose).
+        --relative N  Compare the motions over N instants in place of the poses, or over metres of
+            the desired path, such as 5m.
+        --begin S  First time to compare, s: 12.5 by the clock of the files, +5 from the first row.
+        --end S  Last time to compare, as --begin.
+        --disarmed  Compare also times while the vehicle was disarmed.
+    Result
+        --out DIR  Folder for the figure errors, and CSV of the errors over time.
+    """
+    from eqt_cli import api
+    from eqt_cli.extensions.logs.logs import error_table
+
+    span = {"begin": how.begin or "-inf", "end": how.end or "inf"}
+    errors = api.log_errors(file, second, mapping, format=format_, **vars(how) | span)
+    sizes = [one._asdict() for one in errors.sizes]
+    document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
+    document["notes"] = errors.notes
+    print_findings(document, laid_out(error_table(errors)), json=json)
+    if how.out is not None:
+        say(f"figure and CSV in {how.out}")
+
+
+def _print_log(checked: LogCheck) -> None:
+    if checked.left_out:
+        output.print_text(checked.left_out, "")
+    if checked.topics:
+        topics = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
+        output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], topics), "")
+    rows = [
+        [
+            one.heading,
+            one.name or "-",
+            one.use,
+            f"{one.unit}{' (assumed)' if one.assumed else ''}" or "-",
+        ]
+        for one in checked.columns
+    ]
+    output.print_text(output.table(["column", "name", "use", "unit"], rows), "")
+    gaps = [f"{length:.4g} s after {begin:.13g} s" for begin, length in checked.gaps[:MOST_GAPS]]
+    if len(checked.gaps) > MOST_GAPS:
+        gaps.append(f"and {len(checked.gaps) - MOST_GAPS} more")
+    lines = [
+        f"poses     {checked.group}, format {checked.format}",
+        f"rows      {checked.rows}, from {checked.begin:.13g} to {checked.end:.13g} s",
+        f"rate      {checked.rate:.4g} Hz",
+        f"gaps      {f'{len(checked.gaps)}: ' if gaps else 'none'}{', '.join(gaps)}",
+        f"mapping   {checked.mapping}",
+    ]
+    if checked.norms:
+        lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*checked.norms))
+    output.print_text("\n".join(lines))
+    output.print_text(*(f"note      {note}" for note in checked.notes))
+    for problem in checked.problems:
+        output.complain(problem, "error")
+
+
+for _extension in shipped():
+    if "commands of eqt log" in _extension.functions:
+        imported(_extension.functions["commands of eqt log"])(log_app)

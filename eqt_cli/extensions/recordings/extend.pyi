@@ -1,3 +1,0 @@
-"""What the extension adds to `eqt_cli.extend`."""
-
-from eqt_cli.extensions.recordings.recording_check import LogReference as LogReference
