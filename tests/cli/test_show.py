@@ -74,7 +74,7 @@ def test_a_file_shows_the_same_as_its_folder(eqt, result):
     assert eqt("show", "out/results.h5") == eqt("show", result)
 
 
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_the_summary_tells_of_failed_runs_and_names_versions_of_other_sessions(eqt):
     one = (*FAILS, "--set", "controllers=[eqt]")
     eqt("run", "c.yaml", *one, "--out", "out", "--quiet")

@@ -334,7 +334,7 @@ def test_what_affects_no_number_is_not_told(make, remarks, begun):
 
 
 @pytest.mark.ci("computes an experiment several times")
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, executor=Losing(lost={1}))
@@ -391,7 +391,7 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path):
     out, name = tmp_path / "out", "effort"
     execute_without(name, make(), out, executor=Losing(lost={1}))
@@ -403,7 +403,7 @@ def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tm
     assert_same(found | {name: whole[name]}, whole)
 
 
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tmp_path):
     out = tmp_path / "out"
     execute_without("steps", make(), out, executor=Losing(lost={1}))
@@ -434,7 +434,7 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
     [("sweep", CONFIG + SWEEP), ("flight", CONFIG + FLIGHT)],
     ids=["sweep", "flight"],
 )
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, name, text):
     out = tmp_path / "out"
     execute(make(text), out, executor=Losing(lost={1, 2}))
@@ -450,7 +450,7 @@ def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, na
 
 
 @pytest.mark.ci("computes every run twice, and once more by itself")
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     """With a limit of steps that a block of three exceeds by its stricter tolerance only."""
     out = tmp_path / "out"
@@ -468,7 +468,7 @@ def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
 
 
 @pytest.mark.ci("compiles two laws")
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_a_run_with_noise_is_the_same_alone_if_compiled(make, tmp_path):
     """Neither its neighbours in a batch nor the law that waits for all of them changes it."""
     out = tmp_path / "out"

@@ -204,7 +204,7 @@ def test_closing_the_index_closes_the_shapes(finished):
 
 
 @pytest.mark.ci("computes a sweep anew")
-@pytest.mark.needs("sweeps")
+@pytest.mark.needs("growth")
 def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     out = tmp_path / "out"
     first = execute(make(text), out, executor=Losing(lost={1, 6}))

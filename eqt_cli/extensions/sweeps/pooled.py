@@ -30,8 +30,8 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.analysis.maps import compare_map
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed
-from eqt_cli.extensions.sweeps.solvers_of_runs import remarks
 from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first
@@ -231,7 +231,7 @@ def answer(
         records += [asdict(row) | {"word": str(row.word)} for row in rows]
         tables.append(_table(result, rows, how, write, drawn=drawn))
     document: dict[str, Any] = {"pooled": records, "points_drawn": drawn}
-    between = [*remarks(result)]
+    between = [words for tell in functions_for("remarks on a result") for words in tell(result)]
     if between:
         document["between"] = between
     return document, records, tables, between

@@ -23,7 +23,7 @@ from eqt_cli.base.store_writer import Assembly
 from eqt_cli.base.stored import LAW, SHAPE, Status
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.sweeps.solvers_of_runs import SETTINGS, Setting, settings_of
+from eqt_cli.extensions.growth.solvers_of_runs import SETTINGS, Setting, settings_of
 from eqt_cli.results.quantity import Measure
 from eqt_cli.runs.compute_part import PartTask
 from eqt_cli.runs.folder import (

@@ -18,7 +18,7 @@ from eqt_cli.config.designs import overlap
 from eqt_cli.config.document import Document, document_of, value_at
 from eqt_cli.config.experiment import hashes, renamed
 from eqt_cli.config.study import study, sweep_of
-from eqt_cli.extensions.sweeps.growth import Growth, source_of
+from eqt_cli.extensions.growth.growth import Growth, source_of
 from eqt_cli.runs.compute_part import PartTask
 from eqt_cli.runs.executors import Serial
 from eqt_cli.runs.folder import RERUN, ResultFolder

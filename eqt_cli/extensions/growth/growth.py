@@ -28,8 +28,8 @@ from eqt_cli.config.experiment import digest_of
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Compiled, Engine
-from eqt_cli.extensions.sweeps.reruns import GROWING
-from eqt_cli.extensions.sweeps.solvers_of_runs import remarks
+from eqt_cli.extensions.growth.reruns import GROWING
+from eqt_cli.extensions.growth.solvers_of_runs import remarks
 from eqt_cli.loop.signals import output_names
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, kind_of
