@@ -151,7 +151,7 @@ def installed() -> tuple[Extension, ...]:
             point.load()(extensions[-1])
             for kind in extensions[-1].components.keys() - all_kinds():
                 raise ComponentError(f"unknown kind '{kind}'{suggestion(kind, all_kinds())}")
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ComponentError(
                 f"extension '{point.name}' of the entry point '{point.value}' cannot be loaded: "
                 f"{error}; fix or uninstall the distribution that declares it"

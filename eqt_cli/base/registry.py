@@ -10,6 +10,7 @@ import inspect
 import linecache
 import re
 import sys
+import threading
 import traceback
 from abc import ABC
 from collections.abc import Callable, Iterable, Iterator
@@ -120,10 +121,10 @@ class Registry(Generic[T]):
                     inside = self._in_module(module)
                 except EqtError:
                     raise
-                except Exception as error:
+                except (Exception, SystemExit) as error:
                     raise ComponentError(
-                        f"{where} cannot be loaded: {error}; fix or uninstall the distribution "
-                        "that declares it"
+                        f"{where} cannot be loaded: {described(error)}; fix or uninstall the "
+                        "distribution that declares it"
                     ) from error
                 if name not in inside:
                     raise ComponentError(
@@ -244,10 +245,11 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         module = ModuleType(_module_name(digest))
         module.__file__ = str(path)
         sys.modules[module.__name__] = module  # dataclasses look their module up there
+        threading.excepthook = _note_exit
         try:
             exec(compile(text, str(path), "exec"), module.__dict__)
-        except Exception as error:
-            raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise ComponentError(f"plugin {path}: {described(error)}") from error
     # Messages quote lines of the text, even where the file is another one or does not exist.
     name = str(module.__file__)
     linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name
@@ -269,10 +271,15 @@ def _module_name(digest: str) -> str:
     return f"{_PLUGIN}{digest[:12]}"
 
 
+def is_plugin(module: str) -> bool:
+    """Whether a module is the file of a plugin."""
+    return module.startswith(_PLUGIN)
+
+
 def is_foreign(module: str) -> bool:
     """Whether a module is a plugin, or belongs to a distribution that declares components."""
     package = module.partition(".")[0]
-    return module.startswith(_PLUGIN) or (package != "eqt_cli" and package in _foreign_packages())
+    return is_plugin(module) or (package != "eqt_cli" and package in _foreign_packages())
 
 
 @lru_cache(maxsize=1)
@@ -337,6 +344,8 @@ def place_of_function(function: object) -> str:
 
 def described(error: BaseException) -> str:
     """Return type and message of an error on one line, ``ZeroDivisionError: division by zero``."""
+    if isinstance(error, SystemExit):
+        return f"SystemExit: calls exit({error.code!r}), which would end eqt"
     return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
 
 
@@ -349,15 +358,32 @@ def blamed() -> Iterator[None]:
     ComponentError
         In place of the exception.
     """
+    ends = len(_ends_of_threads)
     try:
         yield
     except EqtError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         place = place_of(error)
         if place is None:
             raise
         raise ComponentError(f"{described(error)} at {place}") from error
+    if len(_ends_of_threads) > ends:
+        raise ComponentError(f"a thread that a plugin started ends by {_ends_of_threads[-1]}")
+
+
+_ends_of_threads: list[str] = []
+"""How threads ended that called `exit`, of which Python says nothing."""
+
+_hook_of_threads = threading.excepthook
+
+
+def _note_exit(end: threading.ExceptHookArgs) -> None:
+    if isinstance(end.exc_value, SystemExit):
+        place = place_of(end.exc_value)
+        _ends_of_threads.append(described(end.exc_value) + (f" at {place}" if place else ""))
+    else:
+        _hook_of_threads(end)
 
 
 def registry(kind: str) -> Registry[Any]:

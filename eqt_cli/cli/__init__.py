@@ -58,7 +58,9 @@ def _app(stop: process.Requests) -> None:
 
         with reporting(meter()):
             app()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
+        if isinstance(error, SystemExit) and not _is_of_plugin(error):
+            raise
         # Python and HDF5 may make an error of their own of an interruption.
         if stop.number is None or isinstance(error, InterruptedRun):
             from eqt_cli.base.registry import blamed
@@ -70,6 +72,12 @@ def _app(stop: process.Requests) -> None:
         raise process.Interrupted(stop.number) from error
     finally:
         sys.stdout.flush()
+
+
+def _is_of_plugin(end: SystemExit) -> bool:
+    """Whether a plugin, and not a command, ends eqt."""
+    registry = sys.modules.get("eqt_cli.base.registry")
+    return registry is not None and registry.place_of(end, registry.is_plugin) is not None
 
 
 def _run(stop: process.Requests) -> None:

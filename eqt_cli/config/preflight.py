@@ -172,7 +172,7 @@ def trial(parts: Sequence[LoopPart], problems: Problems, when: str = WHEN) -> It
             yield tried
     except EqtError as error:
         problems.at(*_culprit(error.__cause__ or error, parts).path).add(str(error))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not any(part.is_foreign for part in parts):
             raise
         culprit, place = _culprit(error, parts), place_of(error)

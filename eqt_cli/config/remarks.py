@@ -51,6 +51,7 @@ FUNCTION_WORDS = {*"all and any both default each no none not or some the with w
 """Labels that a reader takes for a word of a sentence, as in "none against gt: undecided"."""
 
 
+@blamed()
 def remarks(
     experiment: Experiment, shown: Horizon | None = None, runs: bool = True
 ) -> list[EqtWarning]:

@@ -555,7 +555,7 @@ class Numbers:
         settings = {name: self.keys[key] for name, key in metric.settings.items()}
         try:
             number = metric.measure(over, signals, metric.window, **settings)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if not metric.is_own:
                 raise
             at = f" at {place}" if (place := place_of(error)) else ""

@@ -129,6 +129,28 @@ def test_a_group(message, body, said):
     assert found.startswith(f"group 'Own' fails at the start of run 0: {said}")
 
 
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("sys.exit(0)", "…'own' fails at the start of run 0: SystemExit: calls exit(0)…own.py…"),
+        ("sys.exit('')", "…'own' fails at the start of run 0: SystemExit: calls exit('')…own.py…"),
+        ("-s.V if np.max(s.t) < 0.02 else exit()", "SystemExit: calls exit(None)…own.py…"),
+        ("threading.Thread(target=exit).run()", "…'own' fails…SystemExit…own.py…"),
+        (
+            "(t := threading.Thread(target=exit)).start() or t.join() or -s.V",
+            "a thread…ends by SystemExit…",
+        ),
+    ],
+)
+def test_a_law_that_ends_the_process_is_named(run, body, said):
+    sections = changes("Controller", "-s.V", body)
+    text = Path("own.py").read_text("utf-8")
+    Path("own.py").write_text(f"import sys, threading\n{text}", encoding="utf-8")
+    with pytest.raises((ComponentError, ConfigError)) as caught:
+        run("solver.engine=solve_ivp", **sections)
+    assert says(str(caught.value), f"…{said}")
+
+
 def test_a_law_that_fails_later_is_named_too(run):
     body = "-s.V if np.max(s.t) < 0.5 else 1 / 0"
     with pytest.raises(ComponentError) as caught:
