@@ -28,6 +28,7 @@ from eqt_cli.extensions.gym.rewards import (
     Function,
     FunctionReward,
     MetricReward,
+    plain,
     signal_program,
     signals_of,
     source_of,
@@ -206,8 +207,8 @@ def _expect(is_right: bool, name: str, what: str, value: Any) -> None:
 
 def _numbers(values: Any, expected: str) -> Array:
     try:
-        return np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
+        return np.array(plain(values), dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
         raise EqtError(f"{expected} that are numbers, in rows of one length: {error}") from error
 
 

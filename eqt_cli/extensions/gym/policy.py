@@ -19,6 +19,7 @@ from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.extensions.gym.judging import seeds_of_training
 from eqt_cli.extensions.gym.plant import Episodes
+from eqt_cli.extensions.gym.rewards import plain
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
 from eqt_cli.extensions.network.reader import TRAINED
 from eqt_cli.runs.batches import batches
@@ -98,7 +99,7 @@ def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, r
 def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expected: Array) -> None:
     """Refuse a function whose actions are not those of the file."""
     try:
-        actions = np.asarray(policy(observed.astype(np.float32)), dtype=float)
+        actions = plain(policy(observed.astype(np.float32))).astype(float)
     except Exception as error:
         raise EqtError(
             f"policy: the function fails: {described(error)}; it gets observations of shape "

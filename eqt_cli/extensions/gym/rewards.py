@@ -117,7 +117,7 @@ class Evaluated:
             return plant.evaluate(*self._program, (action, last))["value"][:, 0]
         t = plant.time
         try:
-            value = np.asarray(self._function(Step(self.signal, t, action, last)))
+            value = plain(self._function(Step(self.signal, t, action, last)))
         except EqtError:
             raise
         except Exception as error:
@@ -246,6 +246,16 @@ class FunctionReward:
     def __call__(self, action: Array, last: Array) -> Array:
         """Return the reward of a step, ``(runs,)``."""
         return np.asarray(self.function(action, last), dtype=float)
+
+
+def plain(values: Any) -> Array:
+    """Return an array as it is; a `TypeError` where a part of its numbers would be lost."""
+    array = np.ma.asarray(values)
+    if np.iscomplexobj(array):
+        raise TypeError("got complex numbers; take np.real(…)")
+    if np.ma.is_masked(array):
+        raise TypeError("got masked numbers, which say nothing; fill them")
+    return array.data
 
 
 def source_of(function: Any) -> str:

@@ -222,7 +222,13 @@ def beside_archive(
         archive = replace(archive, laws=chosen_laws([REFERENCE, *labels], archive.laws))
     new = list[str]()
     for result in results:
-        part = current(archives.read(file_in(result)), tasks, str(result))
+        part = archives.read(file_in(result))
+        if part.suite != VERSION:
+            raise EqtError(
+                f"{result}: judged on {part.suite}, and this eqt has {VERSION}; show it with the "
+                "version of eqt that judged it, or judge the law anew"
+            )
+        part = current(part, tasks, str(result))
         for law in part.laws.values():
             new.append(free_label(law, archive.laws))
             archive = joined([archive, Archive(part.tasks, {law.label: law})])

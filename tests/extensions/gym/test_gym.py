@@ -281,7 +281,8 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
     wrong[2, 1] = np.nan
     assert says(error_of(env.step, wrong), "step: the action of environment 2 is not finite: …")
     ragged = [[0, 0, 0], [0, 0]]
-    for actions in ([["a"] * 3] * 5, ragged):
+    lost = np.ones((5, 3)) + 1j, np.ma.masked_array(np.ones((5, 3)), wrong != wrong)
+    for actions in ([["a"] * 3] * 5, ragged, *lost, [[10**400] * 3] * 5):
         assert says(error_of(env.step, actions), "step: expected actions that are numbers…")
     for seed in (-1, [1, 2], 1.5, True):
         said = error_of(env.reset, seed=seed)

@@ -222,6 +222,12 @@ def test_a_file_that_is_none_is_refused(part, expected, tmp_path):
         archive.read(tmp_path / "a.zip")
 
 
+def test_a_pack_of_another_suite_is_not_shown(tmp_path, invoke):
+    archive.write(tmp_path / "a.zip", replace(archived(good=0.5), suite="eqt-suite-99"))
+    said = invoke("suite", "show", tmp_path / "a.zip", code=2).stderr
+    assert "judged on eqt-suite-99, and this eqt has eqt-suite-" in said
+
+
 def test_a_law_is_better_by_its_ratio_and_fails_without_one():
     tasks, whole = {"quad_att": all_tasks()["quad_att"]}, archived(gt=1.0, good=0.5, bad=3.0)
     whole.laws["bad"].tasks["quad_att"].errors[1, 2] = np.nan
