@@ -216,7 +216,12 @@ def _judged(
         errors = _errors_in(_part(parts, _array_name(number, task)), len(values))
         numbers = [[_number(x) for x in record[name]] for name in ("spent", "trained")]
         spent, trained = map(np.array, numbers)
-        if not 0 < errors.size <= _RUNS or not len(spent) == len(trained) == len(errors):
+        is_wrong = (trained < 0).any()
+        if (
+            is_wrong
+            or not 0 < errors.size <= _RUNS
+            or not len(spent) == len(trained) == len(errors)
+        ):
             raise ValueError(task)
         _check_numbers(f"{_array_name(number, task)}: ", values, errors, spent)
         about = _number(record["start"]), bool(record["is_stated"]), _number(record["seconds"])
