@@ -268,37 +268,17 @@ def _at_rest(experiment: Experiment) -> str:
 
 
 def _margins_pieces(result: Margins) -> Iterator[str | Text]:
-    """Yield the printed text: which loops vary in time, then the table of the numbers."""
+    """Yield the printed text: of which loop the numbers are, then the table of them."""
     from eqt_cli.extensions.proofs.authority import authority_table
 
     titles, varying = result.experiment.titles, [law for law in result.laws if law.changes]
     laws = [law for law in result.laws if not law.changes or law.delay is not None]
-    if varying:
-        vehicle = result.experiment.loop.vehicle
-        cause, remedy = "The inertia or an actuator varies", ""
-        if result.experiment.reference_over_horizon().velocity.any():
-            cause = "The reference moves"
-            proof = "--certified, which tries to prove a rate for all such references, or "
-            rest = _at_rest(result.experiment)
-            remedy = f"--set 'reference={rest}', which gives the margins at rest"
-            remedy = f" For a sure answer, add {proof * vehicle.is_ideal}{remedy}."
-        elif vehicle.forces:
-            cause = "A force varies"
-            remedy = " For a sure answer, add --set plant.forces=[], which leaves all forces out."
-        yield (
-            f"{cause}, so the loop of "
-            f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
-            f"single times are no rates, and do not decide whether it is stable.{remedy}"
-        )
-    if starting := [titles[law.label] for law in laws if law.starts]:
-        yield (
-            "The reference moves, and an estimator settles at rest only: the numbers of "
-            f"{listed(starting)} are those at rest, where the reference begins."
-        )
+    first = [*_of_another_loop(result, varying), *_of_one_time(result, laws)]
     if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
-        yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."
+        first.append(f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}.")
+    yield from first
     if laws:
-        yield from ([""] if varying or starting else [])
+        yield from ([""] if first else [])
         yield laid_out(_margins_table(result, laws))
     if result.refused:
         yield ""
@@ -306,6 +286,53 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
         yield f"No margins of {titles[label]}: {why}."
     if left := authority_table(result.experiment):
         yield from ("", left)
+
+
+def _of_another_loop(result: Margins, varying: Sequence[LawMargins]) -> Iterator[str]:
+    """Say whose numbers are of a loop without its estimator, and whose loop varies in time."""
+    from eqt_cli.components.vehicle import navigates
+
+    titles, vehicle = result.experiment.titles, result.experiment.loop.vehicle
+    if bare := [titles[law.label] for law in result.laws if not law.has_filter]:
+        settles = "it settles only where the loop hardly changes"
+        why = "a filter by an accelerometer settles late" if navigates(vehicle) else settles
+        yield (
+            f"No margin here is that of the file: the loop of {listed(bare)} is computed without "
+            f"its estimator, because {why}."
+        )
+    if not varying:
+        return
+    cause, remedy = "The inertia or an actuator varies", ""
+    if result.experiment.reference_over_horizon().velocity.any():
+        cause = "The reference moves"
+        proof = "--certified, which tries to prove a rate for all such references, or "
+        rest = _at_rest(result.experiment)
+        remedy = f"--set 'reference={rest}', which gives the margins at rest"
+        remedy = f" For a sure answer, add {proof * vehicle.is_ideal}{remedy}."
+    elif vehicle.forces:
+        cause = "A force varies"
+        remedy = " For a sure answer, add --set plant.forces=[], which leaves all forces out."
+    yield (
+        f"{cause}, so the loop of "
+        f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
+        f"single times are no rates, and do not decide whether it is stable.{remedy}"
+    )
+
+
+def _of_one_time(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
+    """Say whose numbers are those where the reference begins."""
+    titles = result.experiment.titles
+    if starting := [titles[law.label] for law in laws if law.starts]:
+        yield (
+            "The reference moves, and an estimator settles at rest only: the numbers of "
+            f"{listed(starting)} are those at rest, where the reference begins."
+        )
+    if frozen := [titles[law.label] for law in laws if law.freezes]:
+        yield (
+            "An estimator settles only where the forces stay as they are. While errors decay, the "
+            f"forces hardly change the loop, so the numbers of {listed(frozen)} are those with the "
+            "forces as they are where the reference begins."
+        )
 
 
 LAGGING = "delay margin if lag × 0.5, × 2"
@@ -324,6 +351,7 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
         if law.growth.is_stable:
             ranges = [_factors(law.gains.get(name)) for name in gains]
         title = result.experiment.titles[law.label]
+        title += "" if law.has_filter else ", without its estimator"
         lags = ", ".join(_delay(replace(law, delay=x, delay_periods=None)) for x in law.lag_delays)
         rows.append([title, largest, _delay(law), *ranges, lags or "-", law.verdict])
     notes = list(_notes(result, laws))

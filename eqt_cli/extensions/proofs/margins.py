@@ -25,6 +25,7 @@ from eqt_cli.engines.horizon import check_reference
 from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and_start, rates_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
+    AT_REST,
     DERIVATIVE,
     MOST_STATES,
     Along,
@@ -58,6 +59,10 @@ SAME = 1e-7
 TRIED = 20
 """Numbers of periods that are all tried. A root may cross the boundary twice between two of them;
 then crossings alone do not say which number is the first unstable one."""
+
+SLOW = 0.1
+"""Largest change of an eigenvalue, relative to its distance from an integrator's, for which a loop
+counts as frozen. Margins of gains change by about as much."""
 
 ROUNDING = 1e-12
 """Distance of eigenvalues from the edge of stability within which rounding decides the side."""
@@ -253,6 +258,11 @@ class LawMargins:
     starts
         Whether this is the loop at rest where its reference begins, because the estimator of a
         reference that moves settles there only.
+    freezes
+        Whether forces have their value there, because the estimator of a loop that changes does not
+        settle; the loop hardly changes while its errors decay.
+    has_filter
+        Whether this is the loop with its estimator, if it has one.
     gains
         Gain margins by the names in `GAINS`, for gains that the law uses; empty if the loop is
         unstable.
@@ -274,6 +284,8 @@ class LawMargins:
     left_out: list[str]
     filters: str
     starts: bool
+    freezes: bool
+    has_filter: bool
     gains: dict[str, GainMargin]
     lag_delays: tuple[float | None, ...] = ()
 
@@ -294,6 +306,7 @@ class LawMargins:
             "cycle": self.cycle,
             "estimator": self.filters or None,
             "at_rest_where_it_begins": self.starts,
+            "forces_frozen_where_it_begins": self.freezes,
             "growth_rate": None if self.changes else self.growth.rate,
             "offset": self.offset.tolist(),
             "delay_margin": self.delay,
@@ -539,7 +552,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
             f"'{label}' answers in the order of time of a run only (`object: per run`), and "
             "margins need its answers near the reference; leave this law out"
         )
-    linear = linearised(loop, *along, with_estimator=True)
+    linear, freezes = _with_estimator(loop, along)
     if not np.isfinite(linear.closed).all():
         raise InputError(
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
@@ -566,7 +579,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
         size_of(largest, linear),
         changes,
         not linear.is_constant,
-        changes or starts or (decided is not None and any(doubts)),
+        changes or starts or freezes or (decided is not None and any(doubts)),
         linear.offset[0],
         delay,
         periods,
@@ -575,9 +588,52 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
         [omission.words for omission in omitted],
         _filters(linear, loop),
         starts,
+        freezes,
+        _has_estimator(loop, linear),
         gains,
         tuple(_delay_of(system, growth(system.at_rest or system))[0] for system in lagging),
     )
+
+
+def _with_estimator(loop: ClosedLoop, along: Along) -> tuple[Linearised, bool]:
+    """Return the linear loop, and whether its forces are frozen so that its estimator settles."""
+    linear = linearised(loop, *along, with_estimator=True)
+    rests = np.abs(along.velocities).max() <= AT_REST
+    if _has_estimator(loop, linear) or navigates(loop.vehicle) or not rests:
+        return linear, False
+    frozen = linearised(loop, *(values[:1] for values in along), with_estimator=True)
+    is_frozen = _has_estimator(loop, frozen) and _changes_slowly(loop, along)
+    return (frozen, True) if is_frozen else (linear, False)
+
+
+def _has_estimator(loop: ClosedLoop, linear: Linearised) -> bool:
+    return loop.vehicle.estimator is None or linear.about.loop.vehicle.estimator is not None
+
+
+def _changes_slowly(loop: ClosedLoop, along: Along) -> bool:
+    """Whether a loop at rest is nearly the same while its slowest error falls to 1/e.
+
+    It is judged without its estimator, about where it would rest at each time, by its eigenvalues:
+    λ of a continuous loop, and μ − 1 of a sampled one, which are 0 of an integrator.
+    """
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
+    def frozen(time: float) -> Linearised:
+        return linearised(loop, np.array([time]), along.poses[:1], along.velocities[:1])
+
+    first, last = along.times[0], along.times[-1]
+    decay = min(1.0 / max(abs(growth(frozen(first)).rate), SLOWEST), last - first)
+    edge = 0.0 if loop.vehicle.control is None else 1.0
+    for begin in np.linspace(first, last, 3):
+        times = begin + decay * np.linspace(0.0, 1.0, 4)
+        now, *later = (np.linalg.eigvals(frozen(t).closed[0]) - edge for t in times.tolist())
+        sizes = np.abs(now) + AT_ORIGIN * np.abs(now).max()
+        for values in later:
+            moved = np.abs(now[:, None] - values)
+            rows, columns = linear_sum_assignment(moved)
+            if not (moved[rows, columns] <= SLOW * sizes[rows]).all():
+                return False
+    return True
 
 
 def _filters(linear: Linearised, loop: ClosedLoop) -> str:

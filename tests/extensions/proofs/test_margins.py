@@ -590,6 +590,48 @@ def test_of_a_reference_that_moves_an_estimator_is_judged_at_rest_where_it_begin
     assert moves.filters == rests.filters == "with the estimator, settled at rest"
 
 
+def filtered_angle(periods: int, push: float, rate: float) -> Array:
+    """θ of the wheel behind its own complementary filter, its command some periods late."""
+    h, parts, start = 0.02, 20, 1e-4
+    angles = []
+    for theta, bias, at in ((start, 0.0, start), (0.0, 0.0, 0.0)):
+        speed = last = 0.0
+        queue, path = [0.0] * periods, list[float]()
+        for k in range(4000):
+            at += h * ((speed + last) / 2 - bias) * (k > 0)
+            at, bias, last = at + 0.7 * h * (theta - at), bias - 0.2 * h * (theta - at), speed
+            queue.append(-STIFFNESS * at - DAMPING * (speed - bias))
+            held = queue.pop(0)
+            for part in range(parts):
+                rise = (held + push * np.sin(rate * h * (k + part / parts))) * h / parts / J
+                theta, speed = theta + (speed + rise / 2) * h / parts, speed + rise
+            path.append(theta)
+        angles.append(path)
+    return np.array(angles[0]) - np.array(angles[1])
+
+
+@pytest.mark.ci("integrates a sampled loop twice, and computes margins with an estimator")
+@pytest.mark.parametrize(("push", "rate", "has_filter"), [(0.05, 0.01, True), (1.8, 4.0, False)])
+def test_the_filter_stays_in_the_loop_where_a_force_hardly_changes_it(
+    push: float, rate: float, has_filter: bool
+) -> None:
+    noise = [{"kind": "noise", "std": 1e-3}]
+    law = of(
+        WHEEL,
+        control={"period": 0.02},
+        sensors={"pose": noise, "velocity": noise},
+        estimator={"kind": "complementary", "kp": 0.7, "ki": 0.2},
+        plant={"forces": [{"kind": "expression", "force": [f"{push}*sin({rate}*t)"]}]},
+        time={"duration": 300},
+    )
+    assert (law.has_filter, law.freezes, law.verdict) == (has_filter, has_filter, "indicative")
+    if has_filter:
+        assert law.delay_periods is not None
+        for later, grows in ((0, False), (1, True)):
+            of_error = np.abs(filtered_angle(law.delay_periods + later, push, rate))
+            assert (of_error[-1000:].max() > of_error[1000:2000].max()) is np.bool_(grows)
+
+
 @pytest.mark.parametrize(
     ("kd", "lags", "stable"),
     [(0.8, [1e-4], True), (0.24, [0.3, 1e-4], False), (0.24, [0.3, 1e-5], False)],

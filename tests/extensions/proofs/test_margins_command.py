@@ -152,6 +152,7 @@ def test_margins_as_json(eqt):
     assert found == {**about, "refused": {}}
     assert " ".join(law) == (
         "label verdict largest_eigenvalue eigenvalue at cycle estimator at_rest_where_it_begins "
+        "forces_frozen_where_it_begins "
         "growth_rate offset delay_margin delay_margin_periods delay_margin_is_least "
         "delay_margin_is_frozen gain_margins delay_margins_of_lags"
     )
