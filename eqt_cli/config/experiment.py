@@ -19,7 +19,6 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
-from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import THRUSTER, distinct_titles
@@ -69,6 +68,7 @@ from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
 from eqt_cli.engines.engine import Compiled, Engine
 from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, missed, reference_over_horizon
+from eqt_cli.loop import bounds
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
@@ -490,9 +490,8 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     if metrics_of_runs := _metrics_of(config, plugins, loops.values(), problems):
         config = config.model_copy(update={"metrics": metrics_of_runs})
     if config.failed_when is not None:
-        read = function_for("failed_when")
-        bounds = read(config.failed_when, loops, problems.at("failed_when"))
-        config = config.model_copy(update={"failed_when": bounds})
+        most = bounds.read(config.failed_when, loops, problems.at("failed_when"))
+        config = config.model_copy(update={"failed_when": most})
     problems.raise_if_any()
     _check_instants(
         next(iter(loops.values())), config.time.duration, config.solver.engine.rtol, problems

@@ -15,7 +15,6 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, distinct, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
-from eqt_cli.base.extensions import function_for
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import read_arrays
@@ -38,6 +37,7 @@ from eqt_cli.engines.engine import (
     hurried,
     measure,
 )
+from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
@@ -54,6 +54,7 @@ from eqt_cli.runs.batches import (
     references,
     squares,
 )
+from eqt_cli.runs.bounds import end_runs, largest_share
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import measured_of, outputs_of_laws, sizes_of, stored_quantities
 from eqt_cli.runs.part_files import FinishedPart, PartFiles
@@ -391,7 +392,7 @@ def _solve(
     _find_by_rounding(batch, first, context.threads)
     first = replace(first, numbers=first.numbers | {"error_estimate": estimate})
     if most := batch.experiment.config.failed_when:
-        function_for("failed_when of a loop")(most, batch.problem.loop).end_runs(batch, first)
+        end_runs(bounds_of(most, batch.problem.loop), batch, first)
     limit = solver.judgement.max_error
     if solver.estimates_errors and limit is not None:
         _judge(first, estimate, limit)
@@ -434,8 +435,7 @@ def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Nu
     none["signals"] = ("pose_error",)
     metrics = [replace(row, **none) if without & set(row.signals) else row for row in metrics]
     if config.failed_when:
-        bounds = function_for("failed_when of a loop")(config.failed_when, problem.loop)
-        metrics.append(bounds.largest)
+        metrics.append(largest_share(bounds_of(config.failed_when, problem.loop)))
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = sorted({key for m in metrics for key in (*m.settings.values(), *m.choices.values())})
     values = {key: getattr(config, key) for key in keys}

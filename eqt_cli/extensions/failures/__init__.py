@@ -8,7 +8,5 @@ def register(extension: Extension) -> None:
     extension.add_component("figures", "failures", "figures")
     extension.add_function("variables of a result", "drawn.variables")
     extension.add_function("boxes of a diagram", "diagram.boxes")
-    extension.add_function("failed_when", "bounds.read")
-    extension.add_function("failed_when of a loop", "bounds.bounds_of")
     extension.add_function("show --run", "views.show_run")
     extension.add_function("show --failures", "views.show_failures")

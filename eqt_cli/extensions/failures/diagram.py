@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.extensions.failures.bounds import bounds_of
+from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.results.quantity import Plain
 
 

@@ -15,7 +15,6 @@ from eqt_cli.api.loading import Configuration, document_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
-from eqt_cli.base.extensions import function_for
 from eqt_cli.base.version import __version__
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.study import Study, study
@@ -34,6 +33,7 @@ from eqt_cli.extensions.gym.rewards import (
     source_of,
 )
 from eqt_cli.extensions.network.network import UNTRAINED
+from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.runs.batches import batches_at
 
@@ -343,7 +343,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._ends = [Evaluated(self.plant, terminated, "terminated")] if terminated else []
         self._fails = list[Evaluated]()
         if bounds_of_errors := experiment.base.config.failed_when:
-            bounds = function_for("failed_when of a loop")(bounds_of_errors, problem.loop)
+            bounds = bounds_of(bounds_of_errors, problem.loop)
             crossed = Evaluated(self.plant, lambda x: bounds.crossed(x.__getattr__), "failed_when")
             self._fails.append(crossed)
         self.terminated_text = "" if terminated is None else source_of(terminated)

@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from eqt_cli.api.loading import Configuration, experiment_at, open_at
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.extensions import function_for
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, count_of, reporter, step
 from eqt_cli.base.stored import Status
@@ -31,10 +30,12 @@ from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.extensions.proofs import certificates
 from eqt_cli.extensions.proofs.run_checks import StepsEndAtTimes, window_times
 from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
+from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.loop.linearised import Along, growth, linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
 from eqt_cli.runs.batches import Batch, batches
+from eqt_cli.runs.bounds import crossings
 from eqt_cli.runs.compute_part import Desired, measured, shared_reference
 from eqt_cli.runs.preflight import rehearse
 
@@ -320,8 +321,8 @@ class _Verifier:
         engine = self._engine(batch)
         solution = engine.solve(batch.problem, self.workers, reporter().advance)
         if most := self.experiment.config.failed_when:
-            bounds = function_for("failed_when of a loop")(most, batch.problem.loop)
-            solution.status[list(bounds.crossings(engine, batch.problem))] = Status.BOUND_CROSSED
+            bounds = bounds_of(most, batch.problem.loop)
+            solution.status[list(crossings(bounds, engine, batch.problem))] = Status.BOUND_CROSSED
         return solution
 
     def _engine(self, batch: Batch) -> Engine:
