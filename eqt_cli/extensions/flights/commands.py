@@ -21,7 +21,7 @@ from eqt_cli.cli.tables import as_csv
 if TYPE_CHECKING:
     from eqt_cli.config.document import Document
 
-from eqt_cli.extensions.logs.commands import QUANTITIES, Errors
+from eqt_cli.extensions.logs.error_options import QUANTITIES, Errors
 
 Measured = Annotated[Path, options.option("--measured")]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,14 +14,10 @@ from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import laid_out, print_findings, say
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
+from eqt_cli.extensions.logs.error_options import FORMATS, Errors
 
 if TYPE_CHECKING:
     from eqt_cli.extensions.logs.logs import LogCheck
-
-FORMATS = "csv", "tum", "euroc"
-QUANTITIES = "position", "velocity", "attitude", "rates"
-ASSOCIATIONS = "linear", "nearest", "held"
-ALIGNMENTS = "rigid", "similarity", "yaw", "origin"
 
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
@@ -71,23 +67,6 @@ def check_log(
         _print_log(checked)
     if checked.problems:
         raise typer.Exit(2)
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Which motions are compared, when and how, and the folder of the outcome."""
-
-    second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None
-    second_format: Annotated[str | None, options.option("--second-format", names=FORMATS)] = None
-    topic: Annotated[str | None, options.option("--topic")] = None
-    setpoint: Annotated[str | None, options.option("--setpoint")] = None
-    association: Annotated[str, options.option("--association", names=ASSOCIATIONS)] = "linear"
-    align: Annotated[str | None, options.option("--align", names=ALIGNMENTS)] = None
-    relative: Annotated[str | None, options.option("--relative")] = None
-    begin: Annotated[str | None, options.option("--begin")] = None
-    end: Annotated[str | None, options.option("--end")] = None
-    disarmed: Annotated[bool, options.option("--disarmed")] = False
-    out: options.Out = None
 
 
 @log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
