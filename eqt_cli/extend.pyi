@@ -161,7 +161,7 @@ from eqt_cli.engines.engine import Span as Span
 from eqt_cli.engines.engine import SpanResult as SpanResult
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
-from eqt_cli.extensions.laws.extend import *
+from eqt_cli.extensions.designed_laws.extend import *
 from eqt_cli.extensions.logs.extend import *
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.search.extend import *

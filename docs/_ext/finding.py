@@ -9,7 +9,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
-from eqt_cli.extensions.finding.finding import topics
+from eqt_cli.extensions.topics.topics import topics
 
 
 class Words(SphinxTransform):

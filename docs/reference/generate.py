@@ -90,7 +90,7 @@ def escaped(text: str) -> str:
 @part
 def topics() -> Iterator[str]:
     """What people have and want, with the command and the page."""
-    from eqt_cli.extensions.finding.finding import topics as all_topics
+    from eqt_cli.extensions.topics.topics import topics as all_topics
 
     groups = dict[str, list[list[str]]]()
     for topic in all_topics():

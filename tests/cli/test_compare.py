@@ -32,7 +32,7 @@ def breaks_result(invoke, made_once):
 
 
 @pytest.mark.ci("computes a sampled loop, draws and animates it")
-@pytest.mark.needs("extends")
+@pytest.mark.needs("merging")
 @pytest.mark.usefixtures("unarranged")
 @pytest.mark.parametrize(("first", "second"), [("eqt", "lee2010"), ("gt", "eqt")])
 def test_a_pair_of_laws_can_be_chosen_in_every_format(

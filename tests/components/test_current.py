@@ -256,7 +256,7 @@ def test_margins_know_that_a_current_turns_a_vehicle_across():
     assert eqt_cli.margins(held(inertia=whole)).laws[0].growth.eigenvalue.real < -0.01
 
 
-@pytest.mark.needs("laws")
+@pytest.mark.needs("designed_laws")
 def test_a_regulator_knows_the_current_and_the_added_mass():
     """By differences of Fossen's equations about a pose that is held across the current."""
     case, at = CASES["tide"], [0.3, -0.4, 0.9]

@@ -66,12 +66,13 @@ def test_a_law_is_selected_by_label_or_title(name, label):
     assert label_named(name, titled) == label
 
 
-@pytest.mark.needs("laws")
+@pytest.mark.needs("designed_laws")
 @pytest.mark.ci("starts an interpreter")
 def test_a_name_that_needs_no_other_spelling_loads_no_other_law():
     code = (
         "import sys; from eqt_cli.components.laws import controllers as c; "
-        "print(c.written('gt'), 'eqt_cli.extensions.laws.lqr' in sys.modules, c.written('LQR'))"
+        "print(c.written('gt'), 'eqt_cli.extensions.designed_laws.lqr' in sys.modules, "
+        "c.written('LQR'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "gt False lqr\n"

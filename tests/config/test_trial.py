@@ -101,7 +101,7 @@ class Own(CLASS):
         pytest.param(
             "Controller",
             {"controllers": "[{kind: observer, law: own, rate: 5}]", "control": "{period: 0.1}"},
-            marks=pytest.mark.needs("laws"),
+            marks=pytest.mark.needs("designed_laws"),
         ),
         ("Force", SECTIONS["Force"]),
     ],

@@ -71,7 +71,7 @@ time: {duration: 2, samples: 3}
 """
 
 
-@pytest.mark.needs("laws")
+@pytest.mark.needs("designed_laws")
 def test_c_gives_the_same_gains_and_l_between_knots(tmp_path, states, in_c):
     path = tmp_path / "flight.yaml"
     path.write_text(MOVING, encoding="utf-8")

@@ -56,7 +56,7 @@ LOOPS = {
 
 FILTERED = "satellite_estimated", {"time.duration": 4}
 ESTIMATED = pytest.param(
-    FILTERED, id="an estimator, and sensors with clocks", marks=pytest.mark.needs("extends")
+    FILTERED, id="an estimator, and sensors with clocks", marks=pytest.mark.needs("merging")
 )
 CODE = pytest.param(("paper", WITH_CODE), id="code of a user", marks=pytest.mark.needs("code"))
 

@@ -223,7 +223,7 @@ LOADED = {
 
 
 @pytest.mark.ci("flies a vehicle with thrusters")
-@pytest.mark.needs("bodies")
+@pytest.mark.needs("paths")
 def test_a_map_shows_when_each_of_many_thrusters_is_at_its_limit(simulate, opened, altered):
     """Of gt, from 1 s to 3 s, thruster 2 pushes back with 0.6 N of 1 N and thruster 4 with 2 N."""
     path = simulate(**FLIES | {"actuators": [LOADED]})

@@ -57,7 +57,7 @@ def test_no_figure_has_a_flaw(name, width, theme, made_once):
     ("name", "options", "width"),
     [
         ("paper", {"log": True}, "slide"),
-        pytest.param("path", {}, "column", marks=pytest.mark.needs("bodies")),
+        pytest.param("path", {}, "column", marks=pytest.mark.needs("paths")),
     ],
 )
 def test_a_few_figures_have_no_flaw(name, options, width, se3, opened):

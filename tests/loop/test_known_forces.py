@@ -87,7 +87,7 @@ def test_without_known_forces_a_body_sinks_by_weight_over_stiffness():
     np.testing.assert_allclose(loop.command(s)[0, 3:], R.T @ [0, 0, WEIGHT], atol=1e-13)
 
 
-@pytest.mark.needs("laws")
+@pytest.mark.needs("designed_laws")
 def test_laws_that_know_the_model_themselves_are_not_helped_twice():
     """LQR holds the weight once, and not at all where its entry says so."""
     entries = [{"kind": "lqr"}, {"kind": "lqr", "label": "blind", "known_forces": False}]

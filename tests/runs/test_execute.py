@@ -285,7 +285,7 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, remarks
     [
         ("solve_ivp", "eqt", "engine solve_ivp"),
         ("native", "eqt", None),
-        pytest.param("native", "lqr", "controller 'lqr'", marks=pytest.mark.needs("laws")),
+        pytest.param("native", "lqr", "controller 'lqr'", marks=pytest.mark.needs("designed_laws")),
     ],
 )
 def test_parts_of_another_arithmetic_are_told_of_where_bits_depend_on_it(

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.extend import Hypothesis, Row, Setting, TrajectoryCheck, Verdict
-from eqt_cli.extensions.laws.rejection import DISTURBANCE, Rejecting
+from eqt_cli.extensions.designed_laws.rejection import DISTURBANCE, Rejecting
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import growth, linearised
 

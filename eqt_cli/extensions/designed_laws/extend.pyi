@@ -1,2 +1,2 @@
-from eqt_cli.extensions.laws.lqr import Eqr as Eqr
-from eqt_cli.extensions.laws.lqr import Lqr as Lqr
+from eqt_cli.extensions.designed_laws.lqr import Eqr as Eqr
+from eqt_cli.extensions.designed_laws.lqr import Lqr as Lqr

@@ -12,7 +12,7 @@ from eqt_cli.base.option_types import Positive, Scale
 from eqt_cli.components import laws
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.extensions.laws.rejection import DISTURBANCE, Estimate, Outer, Rejecting
+from eqt_cli.extensions.designed_laws.rejection import DISTURBANCE, Estimate, Outer, Rejecting
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from eqt_cli.extensions.failures.finding import BadRuns, Candidate, Finding, of_result
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Finding, of_result
 from eqt_cli.extensions.failures.views import answer
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import free_text, in_words

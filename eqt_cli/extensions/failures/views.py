@@ -11,8 +11,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, listed, significant
 from eqt_cli.cli import output
-from eqt_cli.extensions.failures import finding
-from eqt_cli.extensions.failures.finding import BadRuns, Candidate, Finding
+from eqt_cli.extensions.failures import causes as finding
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Finding
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first, unit_in_words
 

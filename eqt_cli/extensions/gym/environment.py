@@ -21,7 +21,6 @@ from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.native import Native, programs
 from eqt_cli.extensions.gym import policy
-from eqt_cli.extensions.gym.plant import Episodes, Plant
 from eqt_cli.extensions.gym.rewards import (
     Evaluated,
     Function,
@@ -32,6 +31,7 @@ from eqt_cli.extensions.gym.rewards import (
     signals_of,
     source_of,
 )
+from eqt_cli.extensions.gym.stepping import Episodes, Plant
 from eqt_cli.extensions.network.network import UNTRAINED
 from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.numbers.leaves import leaves

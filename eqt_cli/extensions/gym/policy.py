@@ -18,8 +18,8 @@ from eqt_cli.base.registry import described
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.extensions.gym.judging import seeds_of_training
-from eqt_cli.extensions.gym.plant import Episodes
 from eqt_cli.extensions.gym.rewards import plain
+from eqt_cli.extensions.gym.stepping import Episodes
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
 from eqt_cli.extensions.network.reader import TRAINED
 from eqt_cli.runs.batches import batches

@@ -14,7 +14,7 @@ from eqt_cli.base.arrays import Array, Arrays, where
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.registry import described
 from eqt_cli.engines.native import held_rows, sampled
-from eqt_cli.extensions.gym.plant import Plant
+from eqt_cli.extensions.gym.stepping import Plant
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import existing, holds, outputs_of, values_at
 from eqt_cli.numbers.program import COMPARISONS

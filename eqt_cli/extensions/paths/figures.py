@@ -19,7 +19,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part, moving_parts
-from eqt_cli.extensions.bodies.coloured import add_bar, draw_by_error, shades_of
+from eqt_cli.extensions.paths.coloured import add_bar, draw_by_error, shades_of
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even
 from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, keep_laws

@@ -18,8 +18,8 @@ from eqt_cli.extensions.suite import archive as archives
 from eqt_cli.extensions.suite import checking, proposals, repeats
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.checking import Optimism, Recomputed
+from eqt_cli.extensions.suite.entrants import Law, read_law, shipped_laws, stated_gains
 from eqt_cli.extensions.suite.judging import Judged, fits, judged, tuned
-from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws, stated_gains
 from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, chosen_tasks, read_task
 
 T = TypeVar("T")

@@ -12,7 +12,7 @@ from eqt_cli.base.reporting import InNotebook, count_of
 from eqt_cli.extensions.suite import tables, verdicts
 from eqt_cli.extensions.suite.actions import FOLDER, current, judge_law, judge_stated, with_archive
 from eqt_cli.extensions.suite.archive import Archive, shipped_archive
-from eqt_cli.extensions.suite.laws import law_of
+from eqt_cli.extensions.suite.entrants import law_of
 from eqt_cli.extensions.suite.tasks import Task, chosen_tasks
 from eqt_cli.extensions.suite.verdicts import Overall, TaskVerdict
 

@@ -20,8 +20,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.search.ratios import joined_over, logs_of
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
+from eqt_cli.extensions.suite.entrants import Law
 from eqt_cli.extensions.suite.judging import Judged, Values, held_out
-from eqt_cli.extensions.suite.laws import Law
 from eqt_cli.extensions.suite.tasks import Task, digest_of, with_judge
 from eqt_cli.extensions.suite.verdicts import both_on_samples
 

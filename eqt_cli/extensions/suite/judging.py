@@ -24,7 +24,7 @@ from eqt_cli.extensions.search.model_search import Best
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE
 from eqt_cli.extensions.search.training import trained
 from eqt_cli.extensions.search.tune import Sampled, Search
-from eqt_cli.extensions.suite.laws import Law, starting
+from eqt_cli.extensions.suite.entrants import Law, starting
 from eqt_cli.extensions.suite.tasks import Task
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.lock import LOCK, locked

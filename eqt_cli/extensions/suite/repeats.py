@@ -21,8 +21,8 @@ from eqt_cli.base.reporting import Block, TextTable, count_of, fixed
 from eqt_cli.cli import output
 from eqt_cli.extensions.search.ratios import joined_over, logs_of, paired
 from eqt_cli.extensions.suite.archive import Archive
+from eqt_cli.extensions.suite.entrants import Law
 from eqt_cli.extensions.suite.judging import Judged, tuned
-from eqt_cli.extensions.suite.laws import Law
 from eqt_cli.extensions.suite.tasks import REFERENCE, Task, with_training
 from eqt_cli.extensions.suite.verdicts import both_on_samples
 

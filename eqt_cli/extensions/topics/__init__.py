@@ -5,5 +5,5 @@ from eqt_cli.base.extensions import Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
-    extension.add_function("meaning of a word", "finding.meaning")
-    extension.add_function("command for a word", "finding.hint")
+    extension.add_function("meaning of a word", "topics.meaning")
+    extension.add_function("command for a word", "topics.hint")

@@ -14,7 +14,7 @@ from eqt_cli.components.laws import controllers
 from eqt_cli.extensions.citations.citations import PAPER, PROGRAM, citations
 from eqt_cli.results.result import Result
 
-CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
+CITATION = yaml.safe_load((Path(__file__).parents[3] / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 def plain(entry: str) -> str:

@@ -18,7 +18,7 @@ from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.extend import Gains, Inertia, LinearPlant, Problem, SolveIvp, Tracking, group_named
-from eqt_cli.extensions.laws.lqr import Eqr, _Design
+from eqt_cli.extensions.designed_laws.lqr import Eqr, _Design
 from eqt_cli.runs.law_names import law_names
 
 J = np.array([1.0, 2.0, 3.0])

@@ -13,8 +13,6 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.files import checksum_of
 
-pytestmark = pytest.mark.needs("diff")
-
 BRIEF = (
     *("--set", "controllers=[eqt]", "--set", "ensemble.runs=1"),
     *("--set", "time.duration=0.1"),

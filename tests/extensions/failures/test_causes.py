@@ -7,7 +7,7 @@ import pytest
 from small_experiment import configuration
 
 from eqt_cli import api
-from eqt_cli.extensions.failures.finding import BadRuns, Candidate, findings
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, findings
 from eqt_cli.results.result import open_result
 
 RUNS = 200

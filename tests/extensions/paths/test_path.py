@@ -10,14 +10,14 @@ from said import error_of, says
 import eqt_cli
 from eqt_cli.cli.plot import _of_one
 from eqt_cli.extend import EqtError
-from eqt_cli.extensions.bodies.figures import PathFigure, PoseFigure, broken
+from eqt_cli.extensions.paths.figures import PathFigure, PoseFigure, broken
 from eqt_cli.figures.layout import diverging
 from eqt_cli.figures.shapes import CORNERS, FACES, camera, outline, rotors
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
 
-SE3 = Path(__file__).parents[2] / "configs" / "se3.yaml"
+SE3 = Path(__file__).parents[3] / "configs" / "se3.yaml"
 
 
 def curve(axes, label):
@@ -341,7 +341,7 @@ def test_of_many_laws_the_first_and_those_that_end_nearest_are_drawn(
     errors = opened(se3)["attitude_angle"].copy()
     labels = opened(se3).labels
     errors[...] = np.array([4.0, 2.0, 3.0, 1.0])[:, None, None]
-    monkeypatch.setattr("eqt_cli.extensions.bodies.figures._most_together", lambda _: 2)
+    monkeypatch.setattr("eqt_cli.extensions.paths.figures._most_together", lambda _: 2)
     drawing = figure().draw([altered(se3, attitude_angle=errors)], "column")
     drawn = {line.get_label().split()[0] for axes in drawing.axes for line in axes.lines}
     assert drawn & set(labels) == {labels[0], labels[3]}

@@ -317,7 +317,7 @@ def test_the_answer_begins_with_the_pointing_error(invoke, tmp_path):
 
 def test_the_path_on_the_sphere_is_that_of_the_axis(invoke, tmp_path, unarranged):
     """R a seen by an eye: two orthonormal rows; another axis would not be a linear map of it."""
-    from eqt_cli.extensions.bodies.figures import PathFigure
+    from eqt_cli.extensions.paths.figures import PathFigure
 
     with ran(invoke, tmp_path, controllers="[lee2010]", ensemble="{runs: 1}") as result:
         (axes,) = PathFigure().draw([result]).axes

@@ -10,7 +10,7 @@ from scipy.signal import butter
 
 import eqt_cli
 from eqt_cli.api.loading import experiment_at
-from eqt_cli.extensions.laws.rejection import Indi
+from eqt_cli.extensions.designed_laws.rejection import Indi
 from eqt_cli.extensions.proofs.margins import delayed
 from eqt_cli.loop.linearised import linearised
 

@@ -25,8 +25,8 @@ from eqt_cli.extensions.suite import (
     verdicts,
 )
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
+from eqt_cli.extensions.suite.entrants import Law, read_law, shipped_laws
 from eqt_cli.extensions.suite.judging import Judged, tuned
-from eqt_cli.extensions.suite.laws import Law, read_law, shipped_laws
 from eqt_cli.extensions.suite.tasks import TASKS, all_tasks, read_task
 from eqt_cli.results.quantity import Plain
 

@@ -10,7 +10,7 @@ from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import registry
 from eqt_cli.cli.app import COMMANDS
 from eqt_cli.config import shipped
-from eqt_cli.extensions.finding.finding import hint, topics, topics_for
+from eqt_cli.extensions.topics.topics import hint, topics, topics_for
 
 DOCS = Path(__file__).parents[3] / "docs"
 

@@ -28,7 +28,7 @@ CORE = (
     "numbers/c_headers.py",
     "extensions/code/decisions.py",
     "extensions/code/user_code.py",
-    "extensions/laws",
+    "extensions/designed_laws",
     "extensions/logs/smoothing.py",
     "extensions/spacecraft",
     "extensions/underactuated",
