@@ -7,6 +7,7 @@ piece by piece, and what they hold is counted.
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -52,7 +53,7 @@ def members(path: Path) -> dict[str, bytes]:
         raise
     except (zipfile.BadZipFile, EOFError, NotImplementedError):
         raise InputError("it is no zip, or damaged") from None
-    except (zlib.error, OSError, ValueError, RuntimeError, OverflowError):
+    except (zlib.error, struct.error, OSError, ValueError, RuntimeError, IndexError):
         raise InputError("it is damaged") from None
 
 

@@ -20,6 +20,13 @@ from eqt_cli.base.expressions import parse
 
 MOST_BYTES = 20_000_000
 MOST_DEPTH = 100
+MOST_ELEMENTS = 100_000
+"""Most elements of a file, of which each takes about 1 kB; the largest of PX4 has 4,000."""
+
+MOST_FORMULAS = 2_000
+MOST_IN_FORMULAS = 100_000
+"""Most formulas of a template, and most characters of all; those of PX4 have up to 60."""
+
 LARGEST = 1e30
 """Largest number of a file: products of several stay finite."""
 
@@ -158,6 +165,9 @@ def parsed(data: bytes, path: Path, place: Callable[[int], str]) -> Element:
         element = Element(tag, attributes, place(parser.CurrentLineNumber))
         if len(open_elements) == MOST_DEPTH:
             raise EqtError(f"{element.place}: nested more than {MOST_DEPTH} deep; flatten it")
+        count[0] += 1
+        if count[0] > MOST_ELEMENTS:
+            raise EqtError(f"{element.place}: more than {MOST_ELEMENTS:,} elements; simplify it")
         (open_elements[-1].children if open_elements else roots).append(element)
         open_elements.append(element)
         texts.append([])
@@ -169,6 +179,7 @@ def parsed(data: bytes, path: Path, place: Callable[[int], str]) -> Element:
         texts[-1].append(text)
 
     texts: list[list[str]] = []
+    count = [0]
     parser.StartDoctypeDeclHandler = refuse
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = add
@@ -202,8 +213,16 @@ def filled_in(text: str, path: Path) -> str:
         For macros, loops and other statements.
     """
     constants: dict[str, float] = {}
+    count = characters = 0
 
     def value(formula: str) -> float | None:
+        nonlocal count, characters
+        count, characters = count + 1, characters + len(formula)
+        if count > MOST_FORMULAS or characters > MOST_IN_FORMULAS:
+            raise EqtError(
+                f"{shown(path)}: more than {MOST_FORMULAS:,} formulas, or "
+                f"{MOST_IN_FORMULAS:,} characters in them; render the template first"
+            )
         try:
             parsed_formula = parse(formula.strip().replace("np.pi", "pi"), tuple(constants))
             return float(parsed_formula.evaluate(constants))

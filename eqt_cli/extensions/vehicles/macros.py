@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.vehicles.elements import Element, content, parsed, read, shown
+from eqt_cli.extensions.vehicles import contained
+from eqt_cli.extensions.vehicles.elements import MOST_BYTES, Element, content, parsed, read, shown
 from eqt_cli.extensions.vehicles.request import Request
 
 MOST_CALLS = 20_000
@@ -74,7 +77,7 @@ def _range(*ends: int) -> list[int]:
     return list(numbers)
 
 
-def expanded(request: Request) -> Element:
+def read_xacro(request: Request) -> Element:
     """Return the URDF that xacro makes of a file; places name the link, since lines are lost.
 
     Raises
@@ -82,34 +85,14 @@ def expanded(request: Request) -> Element:
     EqtError
         Without the package xacro, and with what it says of the file.
     """
-    try:
-        import xacro
-        from xacro import substitution_args
-    except ImportError:
+    if find_spec("xacro") is None:
         raise EqtError(
             f"{request.path}: macros of xacro need the package xacro; run pip install "
             "'.[xacro]' in the checkout of eqt"
-        ) from None
+        )
     path, where = request.path.resolve(), shown(request.path)
     read(path)  # refuses document types, depth and size
-    try:
-        with _without_ros(xacro, substitution_args, request):
-            document = xacro.process_file(str(path), mappings=request.arguments, verbosity=0)
-        text = document.toxml()
-    except EqtError as error:
-        raise EqtError(f"{where}: {error}") from None
-    except Exception as error:
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, EqtError):
-            cause = getattr(cause, "exc", None) or cause.__cause__ or cause.__context__
-        if cause is not None:  # one of those above, which xacro has wrapped
-            raise EqtError(f"{where}: {cause}") from None
-        said = " ".join(str(error).split()) or type(error).__name__
-        if lacks := re.search(r"substitution argument (\S+)", said):
-            name = lacks[1]
-            hint = f"the argument '{name}' has no value; give it with --arg {name}=VALUE"
-            raise EqtError(f"{where}: {hint}") from None
-        raise EqtError(f"{where}: xacro: {said[:300]}; correct the file") from None
+    text = contained.answer("xacro", request)
     root = parsed(text.encode(), path, lambda _: where)
     for child in root.children:
         of = child if child.attributes.get("name") else next(child.all("plugin"), child)
@@ -119,9 +102,73 @@ def expanded(request: Request) -> Element:
     return root
 
 
+def expanded(xacro: Any, request: Request) -> str:
+    """Return the text of URDF that xacro makes of a file, in this process.
+
+    Raises
+    ------
+    EqtError
+        With what xacro says of the file.
+    """
+    path, where = request.path.resolve(), shown(request.path)
+    try:
+        with _without_ros(xacro, request):
+            document = xacro.process_file(str(path), mappings=request.arguments, verbosity=0)
+        text: str = document.toxml()
+    except EqtError as error:
+        raise EqtError(f"{where}: {error}") from None
+    except Exception as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, EqtError | MemoryError):
+            cause = getattr(cause, "exc", None) or cause.__cause__ or cause.__context__
+        if isinstance(cause, MemoryError):
+            raise MemoryError from None
+        if cause is not None:  # one of those above, which xacro has wrapped
+            raise EqtError(f"{where}: {cause}") from None
+        said = " ".join(str(error).split()) or type(error).__name__
+        if lacks := re.search(r"substitution argument (\S+)|variable '?(\S+?)'? is not set", said):
+            name = lacks[1] or lacks[2]
+            hint = f"the argument '{name}' has no value; give it with --arg {name}=VALUE"
+            raise EqtError(f"{where}: {hint}") from None
+        raise EqtError(f"{where}: xacro: {said[:300]}; correct the file") from None
+    if len(text) > MOST_BYTES:
+        raise EqtError(f"{where}: expected at most {MOST_BYTES // 10**6} MB after its macros")
+    return text
+
+
+class _Names:
+    """Follows names of files and packages into folders alone that they may lead to.
+
+    Attributes
+    ----------
+    packages
+        The folder of the file, and those of the packages that it has named.
+    """
+
+    def __init__(self, request: Request, absolute: Callable[[str], str]) -> None:
+        self.request, self._absolute = request, absolute
+        self.packages = [request.path.resolve().parent]
+
+    def find(self, resolved: str, whole: str, arguments: list[str], _: Any) -> str:
+        """Put the folder of a package in the place of ``$(find …)``."""
+        self.packages.append(package(arguments[0], self.request))
+        return resolved.replace(f"$({whole})", str(self.packages[-1]))
+
+    def absolute(self, name: str) -> str:
+        """Return the whole name of a file, or of a pattern, whose files are checked when read."""
+        if Path(name).is_absolute() and not any(map(Path(name).is_relative_to, self.packages)):
+            raise EqtError(f"{name}: expected a name relative to the file, or after $(find …)")
+        path = Path(self._absolute(name))
+        if path.exists():
+            self.request.check_inside(path, "file", self.packages)
+        return str(path)
+
+
 @contextmanager
-def _without_ros(xacro: Any, substitution: Any, request: Request) -> Iterator[None]:
-    """Let xacro find packages in folders, evaluate guarded expressions, and stop."""
+def _without_ros(xacro: Any, request: Request) -> Iterator[None]:
+    """Let xacro find packages and files in folders, evaluate guarded expressions, and stop."""
+    substitution = import_module("xacro.substitution_args")
+    names = _Names(request, xacro.abs_filename_spec)
     calls, evaluate, call, parse = 0, xacro.safe_eval, xacro.handle_macro_call, xacro.parse
 
     def evaluated(expression: str, symbols: Any, *more: Any) -> Any:
@@ -137,11 +184,8 @@ def _without_ros(xacro: Any, substitution: Any, request: Request) -> Iterator[No
 
     def parsed_file(text: Any, filename: Any = None) -> Any:
         if filename is not None:
-            read(Path(filename))
+            read(request.check_inside(Path(filename), "include", names.packages))
         return parse(text, filename)
-
-    def find(resolved: str, whole: str, arguments: list[str], _: Any) -> str:
-        return resolved.replace(f"$({whole})", str(package(arguments[0], request)))
 
     def refuse(*_: Any) -> str:
         raise EqtError("$(eval …) is not read; write ${…}")
@@ -150,9 +194,10 @@ def _without_ros(xacro: Any, substitution: Any, request: Request) -> Iterator[No
         (xacro, "safe_eval"): evaluated,
         (xacro, "handle_macro_call"): counted,
         (xacro, "parse"): parsed_file,
+        (xacro, "abs_filename_spec"): names.absolute,
         (xacro, "warning"): lambda *_, **__: "",
         (xacro, "print_location"): lambda *_, **__: "",
-        (substitution, "_find"): find,
+        (substitution, "_find"): names.find,
         (substitution, "_eval"): refuse,
     }
     before = {(module, name): getattr(module, name) for module, name in replaced}
@@ -178,13 +223,17 @@ def package(name: str, request: Request) -> Path:
     Raises
     ------
     EqtError
-        If it is in no folder above the file, and in none of `--models`.
+        If it is in no folder above the file, and in none of `--models`. Its name alone is enough
+        beside the file; elsewhere, as of `/etc`, it has a package.xml.
     """
     path = request.path.resolve()
     above = path.parents
     for folder in (*above, *(parent.parent for parent in above[:3]), *request.models):
         for there in (folder, folder / name):
-            if there.is_dir() and (there.name == name or _is_package(there, name)):
+            by_name = there.name == name and (
+                there in above or any(map(there.resolve().is_relative_to, request.folders))
+            )
+            if there.is_dir() and (by_name or _is_package(there, name)):
                 return there.resolve()
     raise EqtError(
         f"$(find {name}): no folder of this package above the file; give --models DIR, the folder "

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,16 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.vehicles import contained
 from eqt_cli.extensions.vehicles.bodies import G0, Link, Rotor, Vehicle, Wheel, pose_of
-from eqt_cli.extensions.vehicles.elements import Element, shown
+from eqt_cli.extensions.vehicles.elements import LARGEST, Element, read, shortened, shown
 from eqt_cli.extensions.vehicles.request import Request
 
 BESIDE = 1e-6
 """Distance of the centre of mass of a wheel from its axis, m, that digits explain."""
 
 
-def read_mjcf(root: Element, request: Request) -> Vehicle:
+def read_mjcf(request: Request) -> Vehicle:
     """Return the one free body of an MJCF file, with what hangs on it at joint angles 0.
 
     Raises
@@ -27,15 +30,33 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
     EqtError
         Without the package mujoco, with what MuJoCo says of the file, and if not one body is free.
     """
-    try:
-        import mujoco
-    except ImportError:
+    if find_spec("mujoco") is None:
         raise EqtError(
             f"{request.path}: MJCF needs the package mujoco; run pip install "
             "'.[mujoco]' in the checkout of eqt"
-        ) from None
+        )
+    return _of_record(contained.answer("mjcf", request))
+
+
+def _of_record(record: dict[str, Any]) -> Vehicle:
+    """Return the vehicle of a record, whose lists are arrays."""
+    links = [
+        Link(**{**one, **{name: np.array(one[name]) for name in ("pose", "centre", "inertia")}})
+        for one in record.pop("links")
+    ]
+    rotors = [
+        Rotor(**{**one, "at": np.array(one["at"]), "along": np.array(one["along"])})
+        for one in record.pop("rotors")
+    ]
+    wheels = [Wheel(**{**one, "axis": np.array(one["axis"])}) for one in record.pop("wheels")]
+    return Vehicle(**record, links=links, rotors=rotors, wheels=wheels)
+
+
+def vehicle_of(mujoco: Any, request: Request) -> Vehicle:
+    """Return the vehicle as MuJoCo reads it, in this process; see `read_mjcf`."""
     where = shown(request.path)
     notes: list[str] = []
+    is_whole = _check_files(request.path.resolve(), request) == 1
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # else it writes a log into the folder
     try:
@@ -46,12 +67,15 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
                 if body.name and request.leaves_out(body.name):
                     spec.delete(body)
                     notes.append(f"{where}: body {body.name} is left out, as --without asks")
+            spec.compiler.usethread = 0  # threads reserve memory
             _without_files(mujoco, spec, request, notes)
             model = spec.compile()
         notes += dict.fromkeys(
             f"{where}: MuJoCo: {_line(warning.message)}" for warning in said_of_it
         )
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        if contained.memory_lacks(str(error)):
+            raise MemoryError from None
         said = re.sub(r"^(XML )?Error:?\s*", "", _line(error))
         raise EqtError(f"{where}: MuJoCo: {said}; correct the file") from None
     finally:
@@ -59,9 +83,60 @@ def read_mjcf(root: Element, request: Request) -> Vehicle:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    is_whole = all(element.tag != "include" for element in root.walk())
     lines = _lines(spec, where) if is_whole else {}
-    return _Mjcf(mujoco, model, data, where, lines, notes).vehicle(spec.modelname, request)
+    vehicle = _Mjcf(mujoco, model, data, where, lines, notes).vehicle(spec.modelname, request)
+    parts: tuple[Link | Rotor | Wheel, ...] = (*vehicle.links, *vehicle.rotors, *vehicle.wheels)
+    for part in parts:
+        numbers = [x for x in vars(part).values() if isinstance(x, float | np.ndarray)]
+        if not (np.abs(np.concatenate([np.ravel(x) for x in numbers])) <= LARGEST).all():
+            raise EqtError(
+                f"{part.place}: {part.name}: expected numbers of at most {LARGEST:g}, got larger "
+                "ones or NaN; correct the file"
+            )
+    return vehicle
+
+
+def _check_files(path: Path, request: Request) -> int:
+    """Check the names of all files that a file and its parts name; return how many parts it has.
+
+    Raises
+    ------
+    EqtError
+        With the place of a name that leads out of the folders.
+    """
+    left, met = [path], {path}
+    while left:
+        for element, there in _named_files(read(left.pop()), path.parent):
+            part = request.check_inside(there, element.place)
+            if not (part.is_file() or part.is_dir()):
+                raise EqtError(f"{element.place}: {there.name} is no regular file")
+            if element.tag in ("include", "model") and part.is_file() and part not in met:
+                left.append(part)
+                met.add(part)
+            if len(met) > MOST_PARTS:
+                raise EqtError(f"{element.place}: more than {MOST_PARTS} files")
+    return len(met)
+
+
+def _named_files(root: Element, folder: Path) -> Iterator[tuple[Element, Path]]:
+    """Yield the files and folders that elements name, and that are there."""
+    compilers = [element for element in root.walk() if element.tag == "compiler"]
+    names = {text for of in compilers for name, text in of.attributes.items() if "dir" in name}
+    folders = [folder / name for name in ("", *sorted(names))]
+    for element in root.walk():
+        for name, text in element.attributes.items():
+            if name.startswith("file") or (name.endswith("dir") and element in compilers):
+                if Path(text).is_absolute():
+                    raise EqtError(
+                        f"{element.place}: {name}: expected a name relative to the file, got "
+                        f"'{shortened(text)}'"
+                    )
+                paths = dict.fromkeys(where / text for where in folders)
+                yield from ((element, there) for there in paths if there.exists())
+
+
+MOST_PARTS = 100
+"""Most files that a file includes."""
 
 
 def _without_files(mujoco: Any, spec: Any, request: Request, notes: list[str]) -> None:
@@ -148,6 +223,8 @@ class _Mjcf:
         heavy = [link for link in links.values() if link.mass > 0 or link.inertia.any()]
         v = Vehicle(name, "MJCF", base_name, heavy, notes=self.notes)
         gravity = float(np.linalg.norm(model.opt.gravity))
+        if not gravity <= LARGEST:
+            raise EqtError(f"{self.where}: gravity is {gravity:g} m/s^2; correct the file")
         v.floats = gravity == 0
         if gravity and abs(gravity - G0) > 1e-2:
             v.notes.append(f"{self.where}: gravity is {gravity:g} m/s^2; eqt weighs with {G0}")

@@ -91,6 +91,13 @@ class Request:
                 raise EqtError(f"--arg {text}: expected NAME=VALUE")
         return {name: value for name, _, value in pairs}
 
+    @property
+    def folders(self) -> list[Path]:
+        """The folders whose files a file may name: its own, that around it, and those of models."""
+        own = self.path.resolve().parent
+        around = [] if own.parent == own.parent.parent else [own.parent]
+        return [own, *around, *(folder.resolve() for folder in self.models)]
+
     def leaves_out(self, *names: str) -> bool:
         """Whether a link or an included model of these names is left out."""
         self._offered |= set(names)
@@ -110,6 +117,37 @@ class Request:
                 if whole in self._left_out:
                     return whole
         return None
+
+    @property
+    def names_left_out(self) -> frozenset[str]:
+        """The names that were left out."""
+        return frozenset(self._left_out)
+
+    @property
+    def names_offered(self) -> frozenset[str]:
+        """The names that could be."""
+        return frozenset(self._offered)
+
+    def take_over(self, left_out: Sequence[str], offered: Sequence[str]) -> None:
+        """Note names that another process has left out or could have."""
+        self._left_out |= set(left_out)
+        self._offered |= set(offered)
+
+    def check_inside(self, path: Path, place: str, more: Sequence[Path] = ()) -> Path:
+        """Return the path of a file that a file names, without links.
+
+        Raises
+        ------
+        EqtError
+            If it is in none of the `folders`.
+        """
+        there = path.resolve()
+        if not any(there.is_relative_to(folder) for folder in (*self.folders, *more)):
+            raise EqtError(
+                f"{place}: {path.name} is outside of the folder of the file; copy it there, or "
+                "give the folder that has it with --models DIR"
+            )
+        return there
 
     def check_left_out(self) -> None:
         """Refuse names of `--without` that are not in the file."""

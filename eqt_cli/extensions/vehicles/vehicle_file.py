@@ -32,9 +32,9 @@ def configuration_of(path: Path, **options: Any) -> tuple[str, list[str]]:
     if not path.is_file():
         raise EqtError(f"{path}: not found; give an SDF, URDF, xacro or MJCF file")
     if path.suffix == ".xacro" or b"ros.org/wiki/xacro" in content(path):
-        from eqt_cli.extensions.vehicles.macros import expanded
+        from eqt_cli.extensions.vehicles.macros import read_xacro
 
-        vehicle = _of_urdf(expanded(request), request)
+        vehicle = _of_urdf(read_xacro(request), request)
     else:
         root = read(path)
         if root.tag == "sdf":
@@ -46,7 +46,7 @@ def configuration_of(path: Path, **options: Any) -> tuple[str, list[str]]:
         elif root.tag == "mujoco":
             from eqt_cli.extensions.vehicles.mjcf import read_mjcf
 
-            vehicle = read_mjcf(root, request)
+            vehicle = read_mjcf(request)
         else:
             raise EqtError(
                 f"{root.place}: <{root.tag[:40]}>: expected <sdf>, <robot> or <mujoco>; give an "

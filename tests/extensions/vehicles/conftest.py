@@ -3,6 +3,7 @@
 import pytest
 
 from eqt_cli.base.yaml_source import load
+from eqt_cli.extensions.vehicles import contained
 from eqt_cli.extensions.vehicles.vehicle_file import configuration_of
 
 
@@ -18,3 +19,14 @@ def imported(tmp_path):
         return written, load(written, "mine.yaml").data
 
     return read
+
+
+@pytest.fixture
+def without_process(monkeypatch):
+    """Let xacro and MuJoCo read files here: to start a process takes longer than a test may."""
+
+    def answer(kind, request):
+        return contained.xacro_here(request) if kind == "xacro" else contained.mjcf_here(request)
+
+    monkeypatch.setattr(contained, "_limit", lambda: None)
+    monkeypatch.setattr(contained, "answer", answer)

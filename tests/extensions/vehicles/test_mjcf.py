@@ -9,6 +9,7 @@ from vehicle_files import tensor, thrusters
 from eqt_cli.extensions.vehicles.vehicle_file import configuration_of
 
 pytest.importorskip("mujoco", reason="needs the extra mujoco")
+pytestmark = pytest.mark.usefixtures("without_process")
 
 X = """<mujoco model="cross"><compiler autolimits="true"/>
 <worldbody><body name="hull"><freejoint/>

@@ -10,6 +10,8 @@ from vehicle_files import URDF, tensor, thrusters
 
 from eqt_cli.extensions.vehicles.vehicle_file import configuration_of
 
+pytestmark = pytest.mark.usefixtures("without_process")
+
 RPM = 60 / (2 * np.pi)
 
 
