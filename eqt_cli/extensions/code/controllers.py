@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
-from eqt_cli.base.option_types import Kind, Real, shown
+from eqt_cli.base.option_types import Kind, Real, as_section, shown
 from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import THRUSTER
 from eqt_cli.base.units import size_of
@@ -311,14 +311,23 @@ class Adapter(Keys):
         return x
 
 
+BESIDE = ".adapter.yaml"
+"""Ending of the adapter next to ours.py, ``ours.adapter.yaml``."""
+
+
 def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | None:
     """Return the adapter in a file, for C; raises an `EqtError` where it is none."""
-    source = load(text_of(Path(file), "it is an adapter", InputError), str(file))
+    adapter = adapter_in(Path(file), G, {"kind": "code", "file": "law"})
+    if adapter and adapter.output.order:
+        raise InputError(f"{file}: output.order: is for laws that fly; export all of a torque")
+    return adapter
+
+
+def adapter_in(file: Path, G: MatrixLieGroup, options: Mapping[str, Any]) -> Adapter | None:
+    """Return the adapter in a file, for a law with these options; errors are at their place."""
+    source = load(text_of(file, "it is an adapter", InputError), str(file))
     at = Problems(lambda path: source.key_place(path[1:]))  # below `adapter` of the law
-    options = {"kind": "code", "file": "law", "adapter": source.data}
-    law: Code = Kind(controllers).checked(options, at, G)
-    if not at and law.adapter and law.adapter.output.order:
-        at.at("adapter", "output", "order").add("is for laws that fly; export all of a torque")
+    law: Code = Kind(controllers).checked({**options, "adapter": source.data}, at, G)
     at.raise_if_any()
     return law.adapter
 
@@ -328,6 +337,8 @@ def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | Non
 
 TORQUE = "_torque"
 """Suffix of the function's name."""
+
+OF_CASADI = "a function of CasADi needs an adapter that names its inputs, and keeps nothing"
 
 CASADI = "casadi:"
 """Prefix of the name of a function that CasADi generated."""
@@ -436,11 +447,8 @@ class Code(_Numbers, RunsCode, Previews):
         self._check_calls(problems)
         if self._casadi:
             _check_name(self.prefix, problems.at("function"))
-            if not self.adapter or self.memory_:
-                key = "memory" if self.memory_ else "adapter"
-                problems.at(key).add(
-                    "a function of CasADi needs an adapter that names its inputs, and keeps nothing"
-                )
+            if self.memory_:
+                problems.at("memory").add(OF_CASADI)
         elif self.function is not None and not self.code.is_python:
             at_function = problems.at("function")
             _check_name(self.function, at_function)
@@ -510,6 +518,16 @@ class Code(_Numbers, RunsCode, Previews):
 
         None after a problem.
         """
+        if problems:
+            return None, {}
+        beside = (home.folder / self.file).with_suffix(BESIDE)
+        if self.adapter is None and home.plugins is None and not home.is_result:
+            with problems.catching("adapter"):
+                if beside.is_file():
+                    adapter = adapter_in(beside, G, as_section(self))
+                    return with_fields(self, adapter=adapter).loaded(home, G, problems)
+        if self._casadi and not self.adapter:
+            problems.at("adapter").add(OF_CASADI)
         if problems:
             return None, {}
         with problems.catching("file"):
@@ -852,7 +870,7 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     file, function = (Path(named[1]), named[2]) if named else (Path(code), None)
     if not file.is_file():
         raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
-    name, beside = os.path.relpath(file, document.home.folder), file.with_suffix(".adapter.yaml")
+    name, beside = os.path.relpath(file, document.home.folder), file.with_suffix(BESIDE)
     adapter = adapter or (beside if beside.is_file() else None)
     listed = document.data.get("controllers")
     entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []

@@ -27,7 +27,7 @@
         (to)[eqt_k] = ((const EQT_CODE_REAL *)(const void *)&(from))[eqt_k];               \
     (to) += sizeof(from) / sizeof(EQT_CODE_REAL)
 
-/* What the caller compares with its own: the bytes of every field of the input, whether the function
+/* What the caller compares with its own: the bytes of the input and of its every field, whether the function
    has the right arguments, and the bytes of the whole memory, of every number, and of every part of
    the memory. */
 #ifdef __cplusplus
@@ -42,6 +42,7 @@ constexpr long eqt_is(...) { return 0; }
 typedef EQT_RETURN (*eqt_law)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *,
                         EQT_CODE_REAL *);
 EQT_C const long eqt_code_sizes[] = {
+    (long)sizeof(EQT_INPUT_TYPE),
     EQT_LIST_INPUT
     EQT_IS(EQT_TORQUE, eqt_law),
     (long)sizeof(EQT_MEMORY_TYPE),
@@ -99,6 +100,8 @@ EQT_C void eqt_code(long runs, int begins, double period, const double *options,
             EQT_CODE_START(&numbers, &memory, &input);
 #endif
         } else {
+            for (eqt_k = 0; eqt_k < EQT_CODE_AXES; eqt_k++)
+                torque[eqt_k] = EQT_NAN; /* what the function does not write is no number */
             EQT_FAILED(EQT_TORQUE(&numbers, &memory, &input, torque));
         }
         EQT_WRITE_MEMORY

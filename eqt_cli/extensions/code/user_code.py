@@ -363,14 +363,20 @@ class UserCode(CodeFile):
         """
         if self.adapted:
             return {name: math.prod(shape) for name, shape in self.adapted}
-        q, m, n = self.entries, self.axes, self.space
-        p, k = (ORDER + 1) * n, self.steps
-        lengths = (1, q, m, q, m, m, p, 3, 3, q * k, m * k, m * k, p * k)
-        length_of = dict(zip(LawInput._fields[: -len(NOT_IN_CODE)], lengths, strict=True))
+        n, length_of = self.space, self._lengths
         members = self.fields(f"{self.prefix}_input") or ()
         read = members if n and "position" in members else LawInput._fields[:6]
         later = [name for name in LATER if name in members and length_of[name]]
-        return {name: length for name, length in length_of.items() if name in (*read, *later)}
+        fields = {*read, *later} - {"flux"}  # which only laws of eqt read
+        return {name: length for name, length in length_of.items() if name in fields}
+
+    @property
+    def _lengths(self) -> dict[str, int]:
+        """The length of each signal, 0 where there is none."""
+        q, m, n = self.entries, self.axes, self.space
+        p, k = (ORDER + 1) * n, self.steps
+        lengths = (1, q, m, q, m, m, p, 3, 3, q * k, m * k, m * k, p * k)
+        return dict(zip(LawInput._fields[: -len(NOT_IN_CODE)], lengths, strict=True))
 
     @cached_property
     def preprocessed(self) -> str:
@@ -440,6 +446,19 @@ class UserCode(CodeFile):
             for name in (named for named in fields if named not in members):
                 hint = suggestion(name, members) or f"; it has {', '.join(members) or 'none'}"
                 raise InputError(f"{key}: {struct} in {self.file} has no field {name}{hint}")
+            for name in (x for x in members if key == "input" and x not in fields):
+                raise InputError(f"input: {struct} in {self.file} has a field {self._stray(name)}")
+
+    def _stray(self, name: str) -> str:
+        """Return a field of the input that eqt cannot fill, and what it can."""
+        if self.adapted:
+            there = ", ".join(self.inputs)
+            return f"{name}, which the adapter does not name{suggestion(name, there.split(', '))}"
+        if name in LATER:
+            return f"{name}, which needs the key `preview`"
+        signals = [*LawInput._fields[:6], *(["position", "heading"] if self.space else [])]
+        hint = suggestion(name, signals) or f"; signals are {', '.join(signals)}"
+        return f"{name}, which is no signal and would be 0 in every call{hint}"
 
     @property
     def source(self) -> str:
@@ -726,7 +745,7 @@ def compiled(code: UserCode) -> CodeFunction:
             library = compiler.library(code.source, code.refuse)
     except TraceError as error:
         raise _not_compiled(code.file, error) from error
-    count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
+    count = 3 + len(code.inputs) + len(code.numbers) + len(code.memory)
     sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
     return CodeFunction(code, _checked(code, sizes))
 
@@ -734,7 +753,8 @@ def compiled(code: UserCode) -> CodeFunction:
 def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
     """Check all sizes, and return the length of each part of the memory."""
     X, size = code.prefix, REALS[code.real]
-    parts, sizes = sizes[: len(code.inputs)], sizes[len(code.inputs) :]
+    whole_input, *parts = sizes[: len(code.inputs) + 1]
+    sizes = sizes[len(code.inputs) + 1 :]
     one = parts[0] // next(iter(code.inputs.values()))
     if one != size:
         other = next((name for name, length in REALS.items() if length == one), f"{one} bytes")
@@ -747,6 +767,11 @@ def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
             raise InputError(
                 f"{X}_input in {code.file} has {count // size} numbers in {name}; expected {length}"
             )
+    if whole_input != sum(parts):
+        raise InputError(
+            f"{X}_input in {code.file} has {whole_input // size} numbers, and {sum(parts) // size} "
+            f"are those of {', '.join(code.inputs)}; any others would be 0 in every call"
+        )
     if not sizes[0]:
         raise InputError(
             f"{code.function} in {code.file} has other arguments; expected void {code.function}"
@@ -796,6 +821,14 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
         memory = np.zeros((1, sum(function.lengths.values())))
         _, memory = function.call(STARTS, values, period, memory, row[None])
         answers.append(np.concatenate(function.call(0, values, period, memory, row[None]), axis=1))
+    outputs = np.concatenate([answer[:, : function.code.returns] for answer in answers])
+    lacks = np.flatnonzero(np.isnan(outputs).all(axis=0))
+    if len(lacks) and not (function.code.fails and len(lacks) == function.code.returns):
+        raise InputError(
+            f"{function.processes.name} writes {function.code.returns - len(lacks)} of "
+            f"{function.code.returns} numbers: its output {lacks[0]} is none at any state that was "
+            "tried; write them all, or name those that it returns by `adapter: {output: {order}}`"
+        )
     if words := python_law.hidden_state(answers[: len(inputs)], answers[len(inputs) :][::-1]):
         raise InputError(f"{function.processes.name}: {words.partition(', or write')[0]}")
 

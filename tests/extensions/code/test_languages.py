@@ -479,3 +479,15 @@ def test_the_first_line_is_the_answer(python, eqt):
     codes = {name: eqt(*asked, "--fail-on", name).code for name in ("lacks", "differs")}
     assert codes == {"lacks": 4, "differs": 0}
     assert "--fail-on: expected lacks or differs" in eqt(*asked, "--fail-on", "x").err
+
+
+@pytest.mark.ci("starts two processes, and runs two loops")
+def test_an_entry_takes_the_adapter_beside_its_file(config):
+    """A law with other names, quaternions and deg/s: the same run as by an adapter in the entry."""
+    folder = Path(eqt_cli.__file__).parents[1] / "examples" / "code"
+    for name in ("ours.py", "ours.adapter.yaml"):
+        shutil.copy(folder / name, name)
+    adapter = yaml_source.load(Path("ours.adapter.yaml").read_bytes(), "adapter").data
+    entry = {"file": "ours.py", "function": "Lee(2.0, 0.5).compute", "as": None, "numbers": None}
+    one, other = (eqt_cli.run(config(**entry, adapter=at)) for at in (None, adapter))
+    assert np.array_equal(one["mean_torque"], other["mean_torque"])

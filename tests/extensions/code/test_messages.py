@@ -26,6 +26,12 @@ def test_what_the_compiler_says(written, config, told):
     assert "controllers[0]: lee.c cannot be compiled: lee.c:5:" in told(config())
 
 
+def test_an_output_that_is_not_written(written, config, told):
+    written(body="torque[0] = in->t; torque[2] = 0;")
+    said = "controllers[0]: lee_torque in lee.c writes 2 of 3 numbers: its output 1…"
+    assert says(told(config()), said)
+
+
 def test_no_compiler(written, config, told, monkeypatch):
     written()
     monkeypatch.setattr(compiler, "missing", lambda: "there is none")
