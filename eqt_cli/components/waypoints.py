@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit, unknown_key, validated
@@ -19,6 +19,12 @@ from eqt_cli.components.references import PiecewiseReference, check_end, check_r
 
 LATEST, CLOSEST = 1e9, 1e-9
 """Bounds of the times and of the time between two of them, s; beyond, a rate overflows."""
+
+EQUAL, SWUNG = 1e-9, 1e-3
+"""Entries of poses that differ by less are equal; a swing of less, deg or m, is not remarked on."""
+
+LOOKS, NEAR = 201, 0.02
+"""Times at which a hold is looked at, and how near its ends points are proposed, as a share."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +101,45 @@ class WaypointsReference(InFile, PiecewiseReference):
         return float(times[0]), float(times[-1])
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """Yield what extensions say of the file and of smoothing.
+        """Yield what extensions say of the file and of smoothing, and how far a hold swings.
 
         A function for `remarks on waypoints` takes the reference and the group, and yields texts.
         """
         for remarks in functions_for("remarks on waypoints"):
             yield from remarks(self, G)
+        times, poses = self.waypoints(G)
+        still = np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)) <= EQUAL
+        if self.smoothing is None and still.any() and not still.all():
+            yield from self._swings(G, times, poses, np.flatnonzero(still))
+
+    def _swings(self, G: MatrixLieGroup, times: Array, poses: Array, rows: Array) -> Iterator[str]:
+        """Say where the spline swings most between two equal waypoints, and what would stop it."""
+        points = self.points or [Waypoint(0.0, None)]
+        ends = points[0].velocity, points[-1].velocity
+
+        def away(pieces: Pieces, since: float, until: float) -> Array:
+            Q = pieces.motion(G, np.linspace(since, until, LOOKS))[0]
+            errors = G.log(G.inverse(Q[0]) @ Q)
+            sizes = [norm(errors[:, part.axes]).max() for part in G.parts]
+            return np.array(sizes) * [np.degrees(1.0) if part.turns else 1.0 for part in G.parts]
+
+        pieces = self.prepared(G, self.pieces)
+        swings = np.array([away(pieces, *times[row : row + 2]) for row in rows])
+        place, kind = np.unravel_index(swings.argmax(), swings.shape)
+        row, part = int(rows[place]), G.parts[kind]
+        if swings[place, kind] <= SWUNG:
+            return
+        since, until = times[row : row + 2].tolist()
+        more = since + NEAR * (until - since), until - NEAR * (until - since)
+        held = np.insert(poses, row + 1, poses[[row, row]], axis=0)
+        stopped = spline(G, np.insert(times, row + 1, more), held, ends)
+        left = away(stopped, since, until)[kind]
+        unit = "deg" if part.turns else part.error_unit
+        yield (
+            f"the poses at {since:g} and {until:g} s are equal, but the spline swings up to "
+            f"{swings[place, kind]:.3g} {unit} away from them in between; with the same pose at "
+            f"{more[0]:g} and {more[1]:g} s, too, it is {left:.2g} {unit}"
+        )
 
     def deviations(self, G: MatrixLieGroup, problems: Problems) -> list[float | None]:
         """Return the deviation of each part; None for cross-validation, or if it is invalid."""

@@ -1,12 +1,16 @@
 """Velocities at the ends of a motion through points, against clamped splines of SciPy."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
 from case_tables import refusal
 from said import mentions
 from scipy.interpolate import CubicSpline, make_interp_spline
+from small_experiment import mapping
 
+from eqt_cli.api import load_experiment
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.extend import group_named
 
@@ -94,3 +98,47 @@ def test_what_is_no_velocity_at_an_end_is_refused(experiment_of, index, velocity
     rows[index]["velocity"] = velocity
     reference = {"kind": "waypoints", "points": rows}
     assert mentions(refusal(ConfigError, experiment_of, text("R3", reference)), f"reference.{said}")
+
+
+HOLDS = {
+    "at the end": ([0, 10, 30], [0, 40, 40]),
+    "between motions": ([0, 8, 10, 25, 40], [0, 20, 50, 50, -10]),
+    "at the start": ([0, 5, 6, 12], [10, 10, 25, 60]),
+}
+
+
+@pytest.mark.parametrize("name", HOLDS)
+def test_a_hold_that_swings_is_remarked_on_with_its_size_and_a_cure(name):
+    times, degrees = HOLDS[name]
+    points = [
+        {"t": t, "pose": {"rotvec": [0, 0, f"{x} deg"]}}
+        for t, x in zip(times, degrees, strict=True)
+    ]
+    reference = load_experiment(mapping(reference={"kind": "waypoints", "points": points})).base
+    (said,) = reference.loop.reference.remarks(reference.group)
+    since, until, swing, *more, left = map(
+        float, re.findall(r"(\d+\.?\d*(?:e-\d+)?)(?=[ ,;]|$)", said)
+    )
+    row = times.index(since)
+    inside = np.linspace(since, until, 2001)
+
+    def away(times, degrees):  # about one axis, the spline is the natural one of the angle
+        angle = CubicSpline(times, degrees, bc_type="natural")(inside)
+        return np.abs(angle - dict(zip(times, degrees, strict=True))[since]).max()
+
+    assert times[row + 1] == until
+    assert swing == pytest.approx(away(times, degrees), rel=0.01)  # three digits are written
+    times, degrees = [*times, *more], [*degrees, degrees[row], degrees[row]]
+    order = np.argsort(times)
+    stopped = away(list(np.array(times)[order]), list(np.array(degrees)[order]))
+    assert left == pytest.approx(stopped, rel=0.06)  # two digits
+    assert left < swing / 5
+
+
+def test_waypoints_that_move_or_stay_are_not_remarked_on():
+    for degrees in ([0, 40, 50], [30, 30, 30]):
+        points = [
+            {"t": 5 * k, "pose": {"rotvec": [0, 0, f"{x} deg"]}} for k, x in enumerate(degrees)
+        ]
+        base = load_experiment(mapping(reference={"kind": "waypoints", "points": points})).base
+        assert not list(base.loop.reference.remarks(base.group))
