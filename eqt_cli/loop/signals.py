@@ -523,12 +523,16 @@ class Metric(Component):
     censored
         Whether NaN means: later than the end of the run. The number then counts as the horizon, as
         a settling time does.
+    constraint
+        Whether it judges a constraint. It is then taken of the whole of each run, whatever
+        `measure` says, and of times between the samples, too: so many that `lines` are right.
     """
 
     signals: ClassVar[tuple[str, ...]]
     units: ClassVar[str]
     better: ClassVar[Better]
     censored: ClassVar[bool] = False
+    constraint: ClassVar[bool] = False
 
     @abstractmethod
     def of(self, over: SampledRuns, *signals: Any) -> Any:
@@ -544,6 +548,13 @@ class Metric(Component):
         signals : (runs, samples, …)
             The values at the samples; a number of a law has no last axis if it is a single one.
         """
+
+    def lines(self, over: SampledRuns, *signals: Any) -> Array:
+        """Return what a constraint takes as straight between times, ``(runs, times, k)``.
+
+        By default the signals; to 1e-6, whatever their unit.
+        """
+        return np.concatenate([x.reshape(*x.shape[:2], -1) for x in signals], axis=-1)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note problems of its options."""

@@ -554,13 +554,15 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 def own_quantity(metric: type[Any], **more: Any) -> Measure:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
     name, words, better = metric.name, summary(metric).removesuffix("."), metric.better
-    more |= {"units": metric.units, "signals": metric.signals}
+    more |= {"units": metric.units, "signals": metric.signals, "constraint": metric.constraint}
     return _user_quantity(name, words, better, metric.censored, **more)
 
 
 def _user_quantity(name: str, words: str, better: Better, censored: bool, **more: Any) -> Measure:
     more |= {"label": name.replace("_", " "), "better": better, "censored": censored}
     notes = {"better": better, "censored": int(censored)}
+    if more.get("constraint"):
+        notes["constraint"] = 1
     return Measure(name, words, notes=notes, compared=(WHOLE,), **more)
 
 
@@ -583,7 +585,10 @@ def quantity_of(
     for better in get_args(Better):
         if attributes.get("better") == better:
             units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
-            row = _user_quantity(name, long_name or name, better, late, units=units)
+            of_all = attributes.get("constraint") == 1
+            row = _user_quantity(
+                name, long_name or name, better, late, units=units, constraint=of_all
+            )
             start, stop = (attributes.get(f"{end}_s") for end in ("start", "stop"))
             return replace(row, window=Window(_number(start, 0.0), _number(stop, math.inf)))
     for row in MEASURED:

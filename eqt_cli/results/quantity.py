@@ -263,6 +263,8 @@ class Measure(Quantity):
     implied_by
         Another number per run from which this one follows if a file does not hold it: it has a
         value where this one is 1.
+    constraint
+        Whether it judges a constraint, between samples, too; then always over whole runs.
     notes
         Further attributes in a result file.
     stored_of
@@ -282,6 +284,7 @@ class Measure(Quantity):
     compared: tuple[Window, ...] = ()
     censored: bool = False
     implied_by: str = ""
+    constraint: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Any], bool] = lambda vehicle: True
 
@@ -305,7 +308,8 @@ class Measure(Quantity):
     def windowed(self) -> bool:
         """Whether it can be taken over any window, not only over its own."""
         is_stored = all(signal_of(name) for name in self.signals)
-        return self.of is not None and is_stored and not self._has_own_window and not self.settings
+        is_of_all = self.constraint or self._has_own_window or bool(self.settings)
+        return self.of is not None and is_stored and not is_of_all
 
     @property
     def _has_own_window(self) -> bool:

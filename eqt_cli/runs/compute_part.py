@@ -54,6 +54,7 @@ from eqt_cli.runs.batches import (
     references,
     squares,
 )
+from eqt_cli.runs.between import judge_constraints
 from eqt_cli.runs.bounds import end_runs, largest_share
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import measured_of, outputs_of_laws, sizes_of, stored_quantities
@@ -388,6 +389,7 @@ def _solve(
         second = measure(tighter, again, query, *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
         first.status[second.status == Status.STOPPED] = Status.STOPPED
+    first = judge_constraints(batch, names, first, context.threads)
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
     first = replace(first, numbers=first.numbers | {"error_estimate": estimate})
@@ -423,12 +425,15 @@ def _in_rows(reference: Desired) -> Array:
 
 
 def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
-    """Return the functions that measure a batch: at every sample, and per run."""
+    """Return the functions that measure a batch: at every sample, and per run.
+
+    What judges constraints is left to `judge_constraints`.
+    """
     problem, config = batch.problem, batch.experiment.config
+    judged = {row.name for row in batch.experiment.metrics if row.constraint}
+    names = [name for name in names if name not in judged]
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
-    own_metrics = [
-        own_metric for own_metric in batch.experiment.metrics if own_metric.name in names
-    ]
+    own_metrics = [row for row in batch.experiment.metrics if row.name in names]
     without = {name for own_metric in own_metrics for name in own_metric.lacking(problem.loop)}
     # A metric of a law without a number that it reads is NaN.
     none: dict[str, Any] = {"of": lambda over, error: np.nan * over.final(error)}

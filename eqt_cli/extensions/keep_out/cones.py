@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply, dot, less, minimum, norm, sqrt, stack, where
+from eqt_cli.base.arrays import Array, apply, dot, less, maximum, minimum, norm, sqrt, stack, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Angle, Real, shown
@@ -65,19 +65,42 @@ class Cone(Keys):
             values = [of_times(lambda at, x=x: np.interp(at, times, x)) for x in columns]
         return stack(values)
 
-    def margin(self, R: Array, t: Any, of_times: Any) -> Array:
+    def chord(self, R: Array, t: Any, of_times: Any) -> Array:
+        """Return from the direction to the axis, both of length 1, ``(..., 3)``."""
+        d = self.vector(t, of_times)
+        a = (R * np.array(self.axis)).sum(axis=-1)
+        # A pose leaves its group by the error of the solver.
+        return a / sqrt(dot(a, a))[..., None] - d / sqrt(dot(d, d))[..., None]
+
+    def margin(self, chord: Array) -> Array:
         """Return the angle between axis and direction beyond that of the cone, deg.
 
-        By the chord of the nearer of both ends of the direction, which is exact to rounding.
+        A chord c of an angle φ is 2 sin(φ/2) long, which is exact to rounding up to a right angle;
+        that to the opposite direction is √(4 − c²) long.
         """
-        d = self.vector(t, of_times)
-        d = d / sqrt(dot(d, d))[..., None]
-        a = (R * np.array(self.axis)).sum(axis=-1)
-        a = a / sqrt(dot(a, a))[..., None]  # a pose leaves its group by the error of the solver
-        is_ahead = less(0.0, dot(a, d))
-        chord = where(is_ahead, norm(a - d), norm(a + d))
-        turn = 2 * apply("asin", minimum(chord / 2, 1.0))
-        return (where(is_ahead, turn, np.pi - turn) - self.angle) * (180 / np.pi)
+        square = dot(chord, chord)
+        turn = 2 * apply("asin", minimum(sqrt(square) / 2, 1.0))
+        return (turn - self.angle) * (180 / np.pi)
+
+    def nearest(self, before: Array, chord: Array) -> Array:
+        """Return the shortest chord on the line from one to the next.
+
+        Beyond a right angle it is at an end, as on the arc, which is longer than the line.
+        """
+        step = chord - before
+        length, ahead = dot(step, step), less(dot(chord, chord), 2.0)
+        share = -dot(before, step) / where(less(0.0, length), length, 1.0)
+        share = where(ahead, share, where(less(share, 0.5), 0.0, 1.0))
+        return before + minimum(maximum(share, 0.0), 1.0)[..., None] * step
+
+    def share_inside(self, before: Array, chord: Array) -> Array:
+        """Return which share of the line from one chord to the next is in the cone."""
+        step, edge = chord - before, 2 * np.sin(self.angle / 2)
+        a, b, c = dot(step, step), dot(before, step), dot(before, before) - edge**2
+        moves = less(0.0, a)
+        root = sqrt(maximum(b * b - a * c, 0.0))
+        ends = [minimum(maximum((-b + x) / where(moves, a, 1.0), 0.0), 1.0) for x in (-root, root)]
+        return where(moves, ends[1] - ends[0], where(less(c, 0.0), 1.0, 0.0))
 
     def check(self, problems: Problems) -> None:
         """Note what is no cone, and what is no direction over time."""
@@ -135,14 +158,19 @@ class OfCones(Metric):
     """
 
     signals: ClassVar[tuple[str, ...]] = ("pose",)
+    constraint: ClassVar[bool] = True
 
     cones: list[Cone] = field(kw_only=True)
 
-    def margin(self, over: SampledRuns, pose: Array) -> Array:
-        """Return the least margin of the cones at each sample, deg."""
-        R = pose[..., :3, :3]
-        margins = [cone.margin(R, over.time, over.of_times) for cone in self.cones]
-        return reduce(minimum, margins)
+    def pairs(self, over: SampledRuns, pose: Array) -> Iterator[tuple[Cone, Array, Array]]:
+        """Yield each cone once with its chords before and at each time, ``(..., samples, 3)``."""
+        for cone in {repr(cone): cone for cone in self.cones}.values():
+            chord = cone.chord(pose[..., :3, :3], over.time, over.of_times)
+            yield cone, stack([over.before(chord[..., k]) for k in range(3)]), chord
+
+    def lines(self, over: SampledRuns, pose: Array) -> Array:
+        """Return the chords, along which the angles are taken."""
+        return np.concatenate([chord for _, _, chord in self.pairs(over, pose)], axis=-1)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and cones that are none."""
@@ -162,15 +190,11 @@ class KeepOutTime(OfCones):
     better: ClassVar[Any] = "lower"
 
     def of(self, over: SampledRuns, pose: Any) -> Any:
-        """The time with a negative margin, which is linear between samples."""
-        margin = self.margin(over, pose)
-        before = over.before(margin)
-        inside, was_inside = less(margin, 0.0), less(before, 0.0)
-        apart = where(inside, where(was_inside, 1.0, before - margin), margin - before)
-        apart = where(less(0.0, apart), apart, 1.0)
-        crossing = where(inside, -margin / apart, where(was_inside, -before / apart, 0.0))
-        share = where(inside, where(was_inside, 1.0, crossing), crossing)
-        return over.weighted(np.diff(over.times, prepend=over.times[0]), share)
+        """The time in the nearest cone; in a step from one cone into another, that in both."""
+        share: Any = 0.0
+        for cone, before, chord in self.pairs(over, pose):
+            share = share + cone.share_inside(before, chord)
+        return over.weighted(np.diff(over.times, prepend=over.times[0]), minimum(share, 1.0))
 
 
 @dataclass(frozen=True)
@@ -182,8 +206,10 @@ class KeepOutMargin(OfCones):
     better: ClassVar[Any] = "higher"
 
     def of(self, over: SampledRuns, pose: Any) -> Any:
-        """The least margin at a sample."""
-        return over.smallest(self.margin(over, pose))
+        """The least margin on the lines from time to time."""
+        pairs = self.pairs(over, pose)
+        margins = [cone.margin(cone.nearest(before, chord)) for cone, before, chord in pairs]
+        return over.smallest(reduce(minimum, margins))
 
 
 def vanishing(times: Array, vectors: Array) -> float | None:

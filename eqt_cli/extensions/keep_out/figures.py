@@ -60,7 +60,7 @@ class KeepOut(OverTime):
                 times, look = runs.times(law), dict[str, Any](line_style(law.look))
                 over = SampledRuns(times)
                 R = runs.values("pose", law)[..., :3, :3]
-                angles = edge + cone.margin(R, over.time, over.of_times)
+                angles = edge + cone.margin(cone.chord(R, over.time, over.of_times))
                 axes.plot(times, np.median(angles, axis=0), label=law.label, **look)
                 least = look | {"linestyle": ":", "linewidth": 0.6}
                 axes.plot(times, angles.min(axis=0), label=f"least of {law.label}", **least)

@@ -144,7 +144,9 @@ class LivePage:
         self.runs = min(runs_of(self.study), len(form["status"][0]))
         self.panels = _panels(form)
         self.settles = [name for name in ("settled", "settling_time") if form.has(name)][:1]
-        self.shown = [*self.settles, *compared_first(form)]
+        # Constraints are judged between samples, too, of which the program of a page knows none.
+        of_samples = (x for x in compared_first(form) if not form.quantity(x).constraint)
+        self.shown = [*self.settles, *of_samples]
         with np.errstate(all="ignore"):
             self.loops = {
                 label: LiveLoop(self.study, label, self.panels, self.shown)
