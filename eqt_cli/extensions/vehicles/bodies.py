@@ -27,8 +27,10 @@ class Link:
         kg; its centre of mass, m; the tensor about that, kg m².
     shapes
         Volume, m³, and centre, m, of its collision shapes; None for one that is unknown.
-    floats
-        Whether no gravity acts on it.
+    weightless
+        Where the file says that no gravity acts on it; empty if it does.
+    element
+        In the file.
     """
 
     name: str
@@ -38,12 +40,13 @@ class Link:
     centre: Array
     inertia: Array
     shapes: list[tuple[float, Array] | None] = field(default_factory=list)
-    floats: bool = False
+    weightless: str = ""
+    element: Element | None = None
 
 
 @dataclass
 class Joint:
-    """A joint between two links, at 0; `axis` is in the axes of the body."""
+    """A joint between two links, at 0; `axis` is in the axes of the body, `element` in the file."""
 
     name: str
     place: str
@@ -51,6 +54,7 @@ class Joint:
     parent: str
     child: str
     axis: Array
+    element: Element | None = None
 
 
 @dataclass
@@ -70,7 +74,8 @@ class Rotor:
     speed
         Largest speed, rad/s.
     up, down
-        Time constants of the lag as it speeds up and slows down, s.
+        Time constants of the lag as it speeds up and slows down, s; 0 where the file says that
+        there is none.
     drag
         Drag coefficient, N s²/(rad m).
     number, command
@@ -203,6 +208,35 @@ class Vehicle:
         moved = np.stack(columns, axis=-1) if columns else np.zeros((6, 0))
         moved[:3] -= np.cross(origin, moved[3:].T).T
         return moved
+
+
+UPRIGHT = 1e-6
+"""Sine of an angle of gravity from −z that digits of a file explain."""
+
+ABOUT_G0 = 1e-2
+"""m/s², by which 9.8 and 9.81 differ from G0."""
+
+
+def gravity_notes(gravity: Array, place: str) -> list[str]:
+    """Return what there is to say of the gravity of a world, m/s².
+
+    Raises
+    ------
+    EqtError
+        If it is not along −z, by which eqt weighs.
+    """
+    size = float(np.linalg.norm(gravity))
+    if size == 0:
+        return []
+    if gravity[2] > 0 or np.linalg.norm(gravity[:2]) > UPRIGHT * size:
+        numbers = ", ".join(f"{part:g}" for part in gravity)
+        raise EqtError(
+            f"{place}: gravity is [{numbers}] m/s^2, but eqt weighs along −z; turn the file so "
+            "that z is up, or give --vehicle satellite with a gravity of 0"
+        )
+    if abs(size - G0) > ABOUT_G0:
+        return [f"{place}: gravity is {size:g} m/s^2; eqt weighs with {G0}"]
+    return []
 
 
 def spread(r: Array) -> Array:

@@ -312,7 +312,7 @@ def _heading(text: Text, v: Vehicle, body: Body, request: Request) -> None:
     for note in _grouped(v.missing):
         text.say(f"Not in the file: {note}", hanging="  ")
     if body.kind == "quadrotor" and not v.rotors:
-        text.say("Not in the file: rotors; add `actuators`, see docs/howto/rotors.md")
+        text.say("No rotor of the file is read; add `actuators`, see docs/howto/rotors.md")
     text.add()
 
 
@@ -488,7 +488,7 @@ def _rotors(text: Text, v: Vehicle, body: Body) -> None:
 
     limited = are("low") and are("high")
     reverses = limited and any((rotor.low or 0.0) < 0 for rotor in rotors)
-    fast = are("k") and limited and (not reverses or are("up"))
+    fast = are("k") and limited and (not reverses or all(rotor.up for rotor in rotors))
     spins = fast and all(rotor.turns for rotor in rotors)
     text.add()
     text.add("actuators:")
@@ -515,13 +515,7 @@ def _rotors(text: Text, v: Vehicle, body: Body) -> None:
     else:
         text.say("low: … # N, is not in the file; without limits, thrusts have none", 4)
         text.say("high: … # N, is not in the file", 4)
-    if are("up"):
-        ups, downs = ([getattr(r, key) for r in rotors] for key in ("up", "down"))
-        text.add(f"    time_constant: {common(ups)}", "s, as it speeds up")
-        if ups != downs:
-            text.add(f"    time_constant_down: {common(downs)}", "s, as it slows down")
-    else:
-        text.say("time_constant: … # s, is not in the file", 4)
+    _lags(text, rotors)
     if body.kind == "quadrotor" and not reverses and (body.thrusts < -1e-9 * body.weight).any():
         back = [rotor.name for rotor, f in zip(rotors, body.thrusts, strict=True) if f < 0]
         text.say(
@@ -529,6 +523,33 @@ def _rotors(text: Text, v: Vehicle, body: Body) -> None:
             "file again with --reversible.",
             4,
         )
+
+
+def _lags(text: Text, rotors: list[Rotor]) -> None:
+    """Write the lags of the rotors, or that the file has none.
+
+    Raises
+    ------
+    EqtError
+        If some have a lag, and others have none.
+    """
+    lagging = [rotor for rotor in rotors if rotor.up]
+    prompt = next((rotor for rotor in rotors if not rotor.up), None)
+    if lagging and prompt:
+        raise EqtError(
+            f"{prompt.place}: {prompt.name} has no lag, but {lagging[0].name} has one of "
+            f"{lagging[0].up:g} s ({lagging[0].place}); eqt takes a lag of all or of none: give "
+            "all one"
+        )
+    if lagging:
+        ups, downs = ([getattr(rotor, key) for rotor in rotors] for key in ("up", "down"))
+        text.add(f"    time_constant: {common(ups)}", "s, as it speeds up")
+        if ups != downs:
+            text.add(f"    time_constant_down: {common(downs)}", "s, as it slows down")
+    elif all(rotor.up is not None for rotor in rotors):
+        text.say("time_constant: … # s; in the file, the thrusts follow at once", 4)
+    else:
+        text.say("time_constant: … # s, is not in the file", 4)
 
 
 def _places(text: Text, rotors: list[Rotor], body: Body, spins: bool) -> None:

@@ -22,7 +22,15 @@ UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 @dataclass
 class Model:
-    """Links and joints of a file, in the axes of its base link, and what acts on them."""
+    """Links and joints of a file, in the axes of its base link, and what acts on them.
+
+    Attributes
+    ----------
+    parts
+        Elements that hold links and joints, with their names.
+    floats
+        Whether the world of the file has no gravity.
+    """
 
     name: str
     form: str
@@ -31,6 +39,8 @@ class Model:
     joints: dict[str, Joint]
     plugins: list[tuple[Element, str]]
     notes: list[str] = field(default_factory=list)
+    parts: list[tuple[Element, str]] = field(default_factory=list)
+    floats: bool = False
 
     def named(self, kind: str, scope: str, name: str, place: str) -> str:
         """Return the whole name of a link or joint that a plugin names."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.vehicles.bodies import G0, Rotor, Vehicle, Water
+from eqt_cli.extensions.vehicles.attributes import is_silent, left_out
+from eqt_cli.extensions.vehicles.bodies import G0, Joint, Link, Rotor, Vehicle, Water
 from eqt_cli.extensions.vehicles.elements import Element
 from eqt_cli.extensions.vehicles.model import WATER, Model, is_plugin
 from eqt_cli.extensions.vehicles.request import Request
@@ -26,10 +27,19 @@ MOTOR = r"multicopter.?motor.?model|gazebo_motor_model|GenericMotorModel"
 THRUSTER = r"thruster.system|systems::Thruster"
 UUV_THRUSTER = r"uuv_thruster"
 UUV_WATER = r"uuv_underwater_object"
-BUOYANCY = r"sim.buoyancy|systems::Buoyancy|libBuoyancyPlugin"
+BUOYANCY = r"sim.buoyancy.system|systems::Buoyancy(?!Engine)|libBuoyancyPlugin"
 WINGS = r"lift.?drag"
 PX4_WATER = r"libgazebo_uuv_plugin"
-OTHER_FORCES = r"force(?!.?torque|visual)|drag|aero|parachute|catapult|wind|dynamics|hook"
+
+NUMBERS = {
+    MOTOR: "motor",
+    THRUSTER: "thruster",
+    UUV_THRUSTER: "uuv_thruster",
+    UUV_WATER: "uuv_water",
+    WATER: "water",
+    BUOYANCY: "buoyancy",
+}
+"""Where the numbers of a plugin stand in the table of attributes."""
 
 TO_EQT = [3, 4, 5, 0, 1, 2]
 """Torque before force."""
@@ -54,7 +64,8 @@ def equipped(model: Model, request: Request) -> Vehicle:
     links = list(model.links.values())
     heavy = [link for link in links if link.mass > 0 or link.inertia.any()]
     vehicle = Vehicle(model.name, model.form, model.base, heavy, notes=model.notes)
-    vehicle.floats = bool(heavy) and all(link.floats for link in heavy)
+    vehicle.floats = model.floats or (bool(heavy) and all(link.weightless for link in heavy))
+    _check_weights(model, vehicle, heavy, request)
     readers: list[tuple[str, Callable[[Model, Vehicle, Element, str, Request], None]]] = [
         (MOTOR, _motor),
         (THRUSTER, _thruster),
@@ -63,8 +74,7 @@ def equipped(model: Model, request: Request) -> Vehicle:
         (WATER, _water),
         (WINGS, _wings),
         (PX4_WATER, _px4_water),
-        (BUOYANCY, _ignored),
-        (OTHER_FORCES, _left_out),
+        (BUOYANCY, _buoyancy),
     ]
     for element, scope in model.plugins:
         if element.tag == "properties":
@@ -78,7 +88,13 @@ def equipped(model: Model, request: Request) -> Vehicle:
                     )
                     break
                 reader(model, vehicle, element, scope, request)
+                if kind in NUMBERS:
+                    what = NUMBERS[kind]
+                    vehicle.notes += left_out("plugins", element, f"the plugin {what}", root=what)
                 break
+        else:
+            if not is_silent(element):
+                vehicle.notes.append(f"{element.place}: plugin {_title(element)} is left out")
     _check_signs(vehicle)
     vehicle.rotors.sort(key=lambda rotor: rotor.number)
     _tell_joints(model, vehicle)
@@ -95,12 +111,23 @@ def _carrier_left_out(element: Element, scope: str, request: Request) -> str | N
     return None
 
 
-def _ignored(m: Model, v: Vehicle, element: Element, scope: str, request: Request) -> None:
-    """Do nothing: it is read where the water is."""
+def _buoyancy(m: Model, v: Vehicle, element: Element, scope: str, request: Request) -> None:
+    """Note the buoyancy of what is not in water; `_float` reads it where there is water."""
+    water = f"{WATER}|{UUV_WATER}|{THRUSTER}|{UUV_THRUSTER}"
+    if request.kind != "auv" and not any(is_plugin(plugin, water) for plugin, _ in m.plugins):
+        v.notes.append(f"{element.place}: plugin {_title(element)} is left out")
 
 
-def _left_out(m: Model, v: Vehicle, element: Element, scope: str, request: Request) -> None:
-    v.notes.append(f"{element.place}: plugin {_title(element)} is left out")
+def _check_weights(m: Model, v: Vehicle, heavy: list[Link], request: Request) -> None:
+    """Refuse a body of which gravity acts on a part: eqt weighs the whole or nothing."""
+    light = [link for link in heavy if link.weightless and link.mass > 0]
+    if light and not v.floats and request.kind != "satellite":
+        mass = sum(link.mass for link in light)
+        raise EqtError(
+            f"{light[0].weightless}: no gravity acts on {light[0].name}: {mass:g} kg of "
+            f"{sum(link.mass for link in heavy):g} kg have no weight, but eqt weighs all links or "
+            "none; let gravity act on all of them, or give --vehicle satellite"
+        )
 
 
 def _title(element: Element) -> str:
@@ -108,7 +135,7 @@ def _title(element: Element) -> str:
 
 
 def _tell_joints(model: Model, vehicle: Vehicle) -> None:
-    """Note joints that are held at 0, and those to the world."""
+    """Note joints that are held at 0, and those to the world; and what links and joints say."""
     turning = {rotor.name for rotor in vehicle.rotors}
     loose = [
         joint
@@ -118,9 +145,36 @@ def _tell_joints(model: Model, vehicle: Vehicle) -> None:
     if loose:
         names = ", ".join(joint.name for joint in loose)
         vehicle.notes.append(f"{loose[0].place}: joints that can move are held at 0: {names}")
+        vehicle.notes += filter(None, map(_outside_limits, loose))
+    form = model.form.split()[0]
+    for part, label in model.parts:
+        apart = ("link", "joint", "model", "include", "gazebo", "world")
+        vehicle.notes += left_out(form, part, label, apart)
+    for link in model.links.values():
+        if link.element is not None:
+            vehicle.notes += left_out(form, link.element, f"link {link.name}")
+    for joint in model.joints.values():
+        if joint.element is not None:
+            notes = list(left_out(form, joint.element, f"joint {joint.name}"))
+            vehicle.notes += notes if joint in loose else []
     for joint in model.joints.values():
         if "world" in (joint.parent, joint.child):
             vehicle.notes.append(f"{joint.place}: joint {joint.name} to the world is left out")
+
+
+def _outside_limits(joint: Joint) -> str:
+    """Return what to say of a joint that the limits of the file keep away from 0."""
+    if (element := joint.element) is None or joint.kind == "continuous":
+        return ""
+    low, high = -np.inf, np.inf
+    if (limits := element.one("limit")) is not None:
+        low, high = (float(limits.numbers(1, end, "0")[0]) for end in ("lower", "upper"))
+    elif (limits := element.one("axis/limit")) is not None:
+        low, high = limits.number("lower", low), limits.number("upper", high)
+    if limits is None or low <= 0 <= high or low > high:
+        return ""
+    what = f"joint {joint.name} is held at 0, outside its limits {low:g} to {high:g}"
+    return f"{limits.place}: {what}"
 
 
 # Rotors and thrusters -----------------------------------------------------------------------------
@@ -283,8 +337,13 @@ def _uuv_thruster(m: Model, v: Vehicle, element: Element, scope: str, request: R
     if element.one("thrustMax") is not None:
         rotor.high = element.number("thrustMax")
         rotor.low = element.number("thrustMin", -rotor.high)
-    if element.words("dynamics/type") == "FirstOrder":
+    lag = element.words("dynamics/type")
+    if lag == "FirstOrder":
         rotor.up = rotor.down = element.number("dynamics/timeConstant")
+    elif lag == "ZeroOrder":
+        rotor.up = rotor.down = 0.0
+    elif lag:
+        v.notes.append(f"{element.place}: dynamics '{lag[:20]}' of {link.name} are left out")
     if rotor.high is None and request.thrust is None:
         v.missing.append(
             f"{element.place}: no limit of the thrust of {link.name}; give --thrust=LOW,HIGH"
@@ -479,7 +538,7 @@ def _float(m: Model, v: Vehicle, request: Request) -> None:
     """Give a vehicle in water its buoyancy: by collision shapes, as Gazebo's Buoyancy does."""
     v.is_marine = True
     if v.water is None:
-        v.missing.append("the file has no drag and no added mass of the water")
+        v.missing.append("no plugin of the file has drag or added mass of the water")
         none = np.zeros((6, 6))
         v.water = Water(request.path.name, none, none, none)
     if v.water.buoyancy is not None:

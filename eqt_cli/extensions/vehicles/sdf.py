@@ -19,6 +19,7 @@ from eqt_cli.extensions.vehicles.bodies import (
     SIZES,
     Joint,
     Link,
+    gravity_notes,
     inverse,
     pose_of,
     rotation,
@@ -61,6 +62,8 @@ class _Sdf:
         self.placed: list[tuple[str, str]] = []
         self.lost: list[str] = []
         self.notes: list[str] = []
+        self.parts: list[tuple[Element, str]] = []
+        self.floats = False
         self.count = 0
         self.resolved: dict[str, Array] = {MODEL: np.eye(4)}
 
@@ -77,21 +80,37 @@ class _Sdf:
         file = self.request.path
         root = self.root(file)
         models: list[tuple[_Part, list[Path]]] = []
-        for place in (root, *root.all("world")):
+        worlds = list(root.all("world"))
+        for place in (root, *worlds):
             for element in place.children:
                 name = element.words("name") if element.tag == "include" else ""
                 name = name or element.attributes.get("name", "")
                 if element.tag not in ("model", "include") or self.request.leaves_out(name):
                     continue
                 opened = self._opened(element, file, [file])
-                if opened is not None and not opened[0].element.holds("static"):
+                if opened is None:
+                    continue
+                stated = element if element.one("static") is not None else opened[0].element
+                if not stated.holds("static"):
                     models.append(opened)
         self._check_lost()
         if len(models) != 1:
             names = ", ".join(part.element.attributes.get("name", "?") for part, _ in models)
             have = f"{len(models)} models that move ({names})" if models else "no model that moves"
             raise EqtError(f"{file}: {have}; give the file of one, or leave others out: --without")
+        for world in worlds:
+            self._weigh(world)
+            self.parts.append((world, "the world"))
+            self.plugins += ((plugin, "") for plugin in world.all("plugin"))
         return models[0]
+
+    def _weigh(self, world: Element) -> None:
+        """Take the gravity of a world: none, or one along −z."""
+        if (element := world.one("gravity")) is None:
+            return
+        gravity = element.numbers(3)
+        self.floats = not gravity.any()
+        self.notes += gravity_notes(gravity, element.place)
 
     def _opened(
         self, element: Element, file: Path, stack: list[Path]
@@ -153,6 +172,7 @@ class _Sdf:
     def walk(self, part: _Part, stack: list[Path]) -> str:
         """Note links, joints, frames and plugins of a model; return its canonical link."""
         model, scope, frame = part.element, part.scope, part.frame
+        self.parts.append((model, f"model {model.attributes.get('name', '')}"))
         first = ""
         for element in model.children:
             tag, name = element.tag, scope + element.attributes.get("name", "")
@@ -210,6 +230,7 @@ class _Sdf:
         nested = _Part(model, scope, frame, inner.version, inner.file)
         canonical = self.walk(nested, stack)
         if element.tag == "include":
+            self.parts.append((element, f"the included {name}"))
             self.plugins += ((plugin, scope) for plugin in element.all("plugin"))
         return canonical
 
@@ -315,9 +336,11 @@ class _Sdf:
         middle = pose @ _pose(inertial.one("pose"))
         R = middle[:3, :3]
         shapes = [_shape(collision, pose) for collision in element.all("collision")]
-        weightless = element.words("gravity") in ("0", "false")
+        gravity = element.one("gravity")
+        weightless = gravity.place if gravity and gravity.text.strip() in ("0", "false") else ""
         place = (inertial.one("mass") or inertial).place
-        return Link(name, place, pose, mass, middle[:3, 3], R @ J @ R.T, shapes, weightless)
+        J = R @ J @ R.T
+        return Link(name, place, pose, mass, middle[:3, 3], J, shapes, weightless, element)
 
     def joint(self, name: str, to_base: Array) -> Joint:
         """Return a joint with its axis."""
@@ -335,7 +358,7 @@ class _Sdf:
             end if end == "world" else self.link_of(end, element.place) for end in ends
         )
         kind = element.attributes.get("type", "")
-        return Joint(name, element.place, kind, parent, child, R @ direction)
+        return Joint(name, element.place, kind, parent, child, R @ direction, element)
 
 
 def read_sdf(request: Request) -> Model:
@@ -362,7 +385,8 @@ def read_sdf(request: Request) -> Model:
     check_joined(links, joints, base, request.without)
     version = ".".join(map(str, part.version))
     name = part.element.attributes.get("name", request.path.stem)
-    return Model(name, f"SDF {version}", base, links, joints, sdf.plugins, sdf.notes)
+    form = f"SDF {version}"
+    return Model(name, form, base, links, joints, sdf.plugins, sdf.notes, sdf.parts, sdf.floats)
 
 
 def _version(root: Element) -> tuple[int, ...]:

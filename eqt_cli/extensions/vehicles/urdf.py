@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -22,6 +23,9 @@ from eqt_cli.extensions.vehicles.elements import Element
 from eqt_cli.extensions.vehicles.model import Model, base_of, mass_and_tensor
 from eqt_cli.extensions.vehicles.request import Request
 
+YES, NO = ("true", "yes", "1"), ("false", "no", "0")
+"""What sdformat takes for true and false in a ``<gazebo>``."""
+
 
 def read_urdf(root: Element, request: Request) -> Model:
     """Return the model of a URDF.
@@ -31,7 +35,7 @@ def read_urdf(root: Element, request: Request) -> Model:
     EqtError
         With file and line, for what is missing, wrong or not to be read.
     """
-    links, joints = ({_name(node): node for node in root.all(tag)} for tag in ("link", "joint"))
+    links, joints = (_by_name(root, tag) for tag in ("link", "joint"))
     on: dict[str, Element] = {}
     for joint in joints.values():
         parent, child = (_end(joint, tag) for tag in ("parent", "child"))
@@ -47,6 +51,8 @@ def read_urdf(root: Element, request: Request) -> Model:
     base = base_of(plugins, poses, next(iter(poses)))
     to_base = inverse(poses[base])
     bodies = {name: _link(name, links[name], to_base @ pose) for name, pose in poses.items()}
+    parts = [(root, f"robot {root.attributes.get('name', '')}")]
+    parts += _of_gazebo(root, bodies, request)
     held = {}
     for name, joint in joints.items():
         parent, child = _end(joint, "parent"), _end(joint, "child")
@@ -57,9 +63,38 @@ def read_urdf(root: Element, request: Request) -> Model:
                 along = unit(axis.numbers(3, "xyz", "1 0 0"), axis)
             along = bodies[child].pose[:3, :3] @ along
             kind = joint.attributes.get("type", "")
-            held[name] = Joint(name, joint.place, kind, parent, child, along)
+            held[name] = Joint(name, joint.place, kind, parent, child, along, joint)
     name = root.attributes.get("name", request.path.stem)
-    return Model(name, "URDF", base, bodies, held, plugins, notes)
+    return Model(name, "URDF", base, bodies, held, plugins, notes, parts)
+
+
+def _of_gazebo(
+    root: Element, bodies: dict[str, Link], request: Request
+) -> Iterator[tuple[Element, str]]:
+    """Yield the ``<gazebo>`` blocks of what is not left out; take gravity off their links."""
+    for gazebo in root.all("gazebo"):
+        of = gazebo.attributes.get("reference", "")
+        if of and request.left_out(of):
+            continue
+        yield gazebo, of or "the robot"
+        for tag, words in (("turnGravityOff", YES), ("gravity", NO)):
+            said = gazebo.one(tag)
+            if of in bodies and said is not None and said.text.strip().lower() in words:
+                bodies[of].weightless = said.place
+
+
+def _by_name(root: Element, tag: str) -> dict[str, Element]:
+    """Return links or joints by their names, of which no two are equal."""
+    elements: dict[str, Element] = {}
+    for element in root.all(tag):
+        name = _name(element)
+        if name in elements:
+            raise EqtError(
+                f"{element.place}: a second {tag} is called {name}, the first is at "
+                f"{elements[name].place}; rename one, or give the macro that makes both a prefix"
+            )
+        elements[name] = element
+    return elements
 
 
 def _poses(
@@ -96,7 +131,8 @@ def _link(name: str, element: Element, pose: Array) -> Link:
     inertial = element.one("inertial")
     shapes = [_shape(collision, pose) for collision in element.all("collision")]
     if inertial is None:
-        return Link(name, element.place, pose, 0.0, pose[:3, 3], np.zeros((3, 3)), shapes)
+        none, zero = np.zeros((3, 3)), pose[:3, 3]
+        return Link(name, element.place, pose, 0.0, zero, none, shapes, element=element)
     mass, tensor = inertial.one("mass"), inertial.one("inertia")
     for tag, there in (("mass", mass), ("inertia", tensor)):
         if there is None:
@@ -106,7 +142,8 @@ def _link(name: str, element: Element, pose: Array) -> Link:
     kg, J = mass_and_tensor(name, inertial, value, partial(_entry, tensor))
     middle = pose @ _origin(inertial)
     R = middle[:3, :3]
-    return Link(name, mass.place, pose, kg, middle[:3, 3], R @ J @ R.T, shapes)
+    J = R @ J @ R.T
+    return Link(name, mass.place, pose, kg, middle[:3, 3], J, shapes, element=element)
 
 
 def _entry(tensor: Element, key: str, default: float | None) -> float:
