@@ -89,7 +89,7 @@ oracles: $(VENV)/.stamp-test ## compare with Basilisk, MuJoCo, Pinocchio, RotorP
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-oracles.txt,install --group oracles)
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-basilisk.txt,install --no-deps --group basilisk)
 	$(BIN)/python -m pytest tests/components/test_oracles.py tests/components/test_rotors.py tests/components/test_basilisk.py \
-		tests/extensions/designed_laws/test_lqr.py $(ARGS)
+		tests/extensions/designed_laws/test_lqr.py tests/extensions/vehicles/test_mjcf_motion.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
 mutants: $(VENV)/.stamp-test ## plant small faults in the mathematical core; its tests must tell 95 % of 300

@@ -226,6 +226,8 @@ def gravity_notes(gravity: Array, place: str) -> list[str]:
         If it is not along −z, by which eqt weighs.
     """
     size = float(np.linalg.norm(gravity))
+    if not size <= LARGEST:
+        raise EqtError(f"{place}: gravity is {size:g} m/s^2; correct the file")
     if size == 0:
         return []
     if gravity[2] > 0 or np.linalg.norm(gravity[:2]) > UPRIGHT * size:

@@ -14,8 +14,9 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.vehicles import contained
-from eqt_cli.extensions.vehicles.bodies import G0, Link, Rotor, Vehicle, Wheel, pose_of
+from eqt_cli.extensions.vehicles.bodies import Link, Rotor, Vehicle, Wheel, pose_of
 from eqt_cli.extensions.vehicles.elements import LARGEST, Element, read, shortened, shown
+from eqt_cli.extensions.vehicles.mjcf_checks import Checks
 from eqt_cli.extensions.vehicles.request import Request
 
 BESIDE = 1e-6
@@ -84,7 +85,8 @@ def vehicle_of(mujoco: Any, request: Request) -> Vehicle:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     lines = _lines(spec, where) if is_whole else {}
-    vehicle = _Mjcf(mujoco, model, data, where, lines, notes).vehicle(spec.modelname, request)
+    reader = _Mjcf(mujoco, model, data, where, lines, notes)
+    vehicle = reader.vehicle(spec.modelname, request, read(request.path))
     parts: tuple[Link | Rotor | Wheel, ...] = (*vehicle.links, *vehicle.rotors, *vehicle.wheels)
     for part in parts:
         numbers = [x for x in vars(part).values() if isinstance(x, float | np.ndarray)]
@@ -172,10 +174,11 @@ def _without_files(mujoco: Any, spec: Any, request: Request, notes: list[str]) -
 
 
 def _lines(spec: Any, where: str) -> dict[tuple[str, int], str]:
-    """Return the places of bodies and actuators by their numbers."""
+    """Return the places of elements by their kinds and numbers."""
     places = {}
-    for kind, elements in (("body", spec.bodies), ("actuator", spec.actuators)):
-        for element in elements:
+    for kind in ("body", "joint", "actuator", "tendon", "equality"):
+        name = {"body": "bodies", "equality": "equalities"}.get(kind, f"{kind}s")
+        for element in getattr(spec, name):
             line = re.search(r"line (\d+)", element.info or "")
             places[kind, element.id] = f"{where}:{line[1]}" if line else where
     return places
@@ -214,7 +217,7 @@ class _Mjcf:
         """Return the file and line of an element."""
         return self.lines.get((kind, number), self.where)
 
-    def vehicle(self, name: str, request: Request) -> Vehicle:
+    def vehicle(self, name: str, request: Request, root: Element) -> Vehicle:
         """Return the vehicle."""
         model, base = self.model, self.base
         held = [b for b in range(1, model.nbody) if model.body_rootid[b] == model.body_rootid[base]]
@@ -222,14 +225,9 @@ class _Mjcf:
         base_name = model.body(base).name or "the free body"
         heavy = [link for link in links.values() if link.mass > 0 or link.inertia.any()]
         v = Vehicle(name, "MJCF", base_name, heavy, notes=self.notes)
-        gravity = float(np.linalg.norm(model.opt.gravity))
-        if not gravity <= LARGEST:
-            raise EqtError(f"{self.where}: gravity is {gravity:g} m/s^2; correct the file")
-        v.floats = gravity == 0
-        if gravity and abs(gravity - G0) > 1e-2:
-            v.notes.append(f"{self.where}: gravity is {gravity:g} m/s^2; eqt weighs with {G0}")
-        if model.opt.density or model.opt.viscosity:
-            v.notes.append(f"{self.where}: drag by <option density, viscosity> is left out")
+        checks = Checks(self.mujoco, model, base, held, self.place, root)
+        self.clamps = not checks.flag("CLAMPCTRL")
+        checks.check_world(v, request.kind)
         torques = [self._actuator(k, v, links, request) for k in range(model.nu)]
         if pure := [text for text in torques if text]:
             v.rotors.clear()
@@ -239,14 +237,7 @@ class _Mjcf:
                 "file; add `actuators` (docs/howto/rotors.md)"
             )
             v.lifts = not v.floats
-        wheels = {wheel.name for wheel in v.wheels}
-        loose = [
-            model.joint(j).name or f"joint {j}"
-            for j in range(model.njnt)
-            if model.jnt_type[j] and int(model.jnt_bodyid[j]) in links
-        ]
-        if loose := [joint for joint in loose if joint not in wheels]:
-            v.notes.append(f"{self.where}: joints that can move are held at 0: {', '.join(loose)}")
+        checks.check_ties(v)
         return v
 
     def _link(self, b: int) -> Link:
@@ -261,8 +252,11 @@ class _Mjcf:
     def _range(self, k: int) -> tuple[float, float] | None:
         """Return the least and largest force of an actuator."""
         model, ends = self.model, []
-        if model.actuator_ctrllimited[k]:
-            ends.append(np.sort(model.actuator_ctrlrange[k] * model.actuator_gainprm[k, 0]))
+        gain = model.actuator_gainprm[k, 0]
+        if model.actuator_ctrllimited[k] and self.clamps:
+            ends.append(np.sort(model.actuator_ctrlrange[k] * gain))
+        if model.actuator_actlimited[k]:  # of the activation, which is the command after the lag
+            ends.append(np.sort(model.actuator_actrange[k] * gain))
         if model.actuator_forcelimited[k]:
             ends.append(model.actuator_forcerange[k])
         if not ends:
@@ -272,12 +266,16 @@ class _Mjcf:
     def _actuator(self, k: int, v: Vehicle, links: dict[int, Link], request: Request) -> str | None:
         """Add an actuator; return what it is if it gives a torque alone."""
         model, kinds = self.model, self.mujoco.mjtTrn
-        place, kind = self.place("actuator", k), model.actuator_trntype[k]
+        place, kind = self.place("actuator", k), int(model.actuator_trntype[k])
         name = model.actuator(k).name
         if not name and kind == kinds.mjTRN_SITE:
             name = model.site(model.actuator_trnid[k, 0]).name
         name = name or f"actuator {k}"
         is_motor = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] == 0
+        group = int(model.actuator_group[k])
+        if 0 <= group <= 30 and model.opt.disableactuator >> group & 1:
+            v.notes.append(f"{place}: actuator {name} is of a group that is switched off: left out")
+            return None
         if kind == kinds.mjTRN_JOINT and is_motor and (v.floats or request.kind == "satellite"):
             self._wheel(k, place, v, links)
             return None
@@ -300,20 +298,39 @@ class _Mjcf:
         rotor = Rotor(name, place, at + lever, along, turns=turns, number=float(k))
         if ends is not None:
             rotor.low, rotor.high = ends[0] * size, ends[1] * size
-        if model.actuator_dyntype[k] in (
-            self.mujoco.mjtDyn.mjDYN_FILTER,
-            self.mujoco.mjtDyn.mjDYN_FILTEREXACT,
-        ):
-            rotor.up = rotor.down = float(model.actuator_dynprm[k, 0])
+        rotor.up = rotor.down = self._lag(k, name, place, v)
         v.rotors.append(rotor)
         return None
+
+    def _lag(self, k: int, name: str, place: str, v: Vehicle) -> float:
+        """Return the time constant of an actuator, s; 0 where its force follows at once.
+
+        Raises
+        ------
+        EqtError
+            For other dynamics than a lag of first order.
+        """
+        model, dynamics = self.model, self.mujoco.mjtDyn
+        if getattr(model, "actuator_delay", np.zeros(model.nu))[k]:
+            delay = f"{model.actuator_delay[k]:g} s"
+            v.notes.append(f"{place}: delay {delay} of {name} is left out; write control.delay")
+        kind = int(model.actuator_dyntype[k])  # of NumPy, which is in no tuple of MuJoCo's words
+        if kind in (int(dynamics.mjDYN_FILTER), int(dynamics.mjDYN_FILTEREXACT)):
+            return float(model.actuator_dynprm[k, 0])
+        if kind != int(dynamics.mjDYN_NONE) or model.actuator_plugin[k] >= 0:
+            word = "plugin" if model.actuator_plugin[k] >= 0 else dynamics(kind).name[6:].lower()
+            raise EqtError(
+                f"{place}: actuator {name} has the dynamics '{word}'; eqt reads none, filter and "
+                "filterexact: write one of them, or leave the actuator out"
+            )
+        return 0.0
 
     def _wheel(self, k: int, place: str, v: Vehicle, links: dict[int, Link]) -> None:
         """Add a reaction wheel: a body on a hinge, balanced about its axis."""
         model, j = self.model, self.model.actuator_trnid[k, 0]
         link, axis = links.get(int(model.jnt_bodyid[j])), self.to_body @ self.data.xaxis[j]
         name = model.joint(j).name or f"joint {j}"
-        if link is None or model.jnt_type[j] != self.mujoco.mjtJoint.mjJNT_HINGE:
+        if link is None or int(model.jnt_type[j]) != self.mujoco.mjtJoint.mjJNT_HINGE:
             v.notes.append(f"{place}: {name} is no hinge of the vehicle: left out")
             return
         arm = link.centre - self.to_body @ (self.data.xanchor[j] - self.origin)
@@ -323,10 +340,16 @@ class _Mjcf:
         ends = self._range(k)
         gear = abs(float(model.actuator_gear[k, 0]))
         limit = None if ends is None else gear * min(-ends[0], ends[1])
+        if model.jnt_actfrclimited[j]:
+            most = float(min(-model.jnt_actfrcrange[j, 0], model.jnt_actfrcrange[j, 1]))
+            limit = most if limit is None else min(limit, most)
         v.wheels.append(Wheel(name, place, axis, limit, float(axis @ link.inertia @ axis)))
-        dof = model.jnt_dofadr[j]
-        if model.dof_armature[dof] or model.dof_damping[dof]:
-            v.notes.append(f"{place}: armature and damping of {name} are left out")
+        if lag := self._lag(k, name, place, v):
+            v.notes.append(f"{place}: the lag of {lag:g} s of {name} is left out")
+        for word in ("armature", "damping"):
+            values = getattr(model, f"actuator_{word}", np.zeros(model.nu))
+            if values[k]:
+                v.notes.append(f"{place}: {word} {values[k]:g} of {name} is left out")
 
 
 def _line(said: object) -> str:

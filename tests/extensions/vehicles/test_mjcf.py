@@ -17,7 +17,7 @@ X = """<mujoco model="cross"><compiler autolimits="true"/>
 <site name="a" pos="0.1 -0.1 0"/><site name="b" pos="-0.1 0.1 0"/>
 <site name="c" pos="0.1 0.1 0"/><site name="d" pos="-0.1 -0.1 0"/>
 <body name="battery" pos="0 0 -0.1"><geom type="box" size="0.05 0.03 0.01" mass="0.5"/></body>
-</body></worldbody>
+</body><site name="post" pos="0 0 -1"/></worldbody>
 <actuator><motor name="a" site="a" ctrlrange="0 6" gear="0 0 2 0 0 -0.04"/>
 <motor name="b" site="b" ctrlrange="0 6" gear="0 0 2 0 0 -0.04"/>
 <motor name="c" site="c" ctrlrange="0 6" gear="0 0 2 0 0 0.04"/>
@@ -85,6 +85,14 @@ def test_refuses_an_mjcf(tmp_path, old, new, said):
     assert "\n" not in message
     for word in said:
         assert word in message
+
+
+@from_yaml
+def test_notes_what_an_mjcf_says(imported, old, new, said):
+    assert old in X
+    notes = imported(X.replace(old, new, 1), "cross.xml")[0].replace("\n#   ", " ")
+    for word in said:
+        assert word in notes
 
 
 def test_a_mesh_that_is_missing_and_without_mass_is_left_out(imported):
