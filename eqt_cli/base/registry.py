@@ -153,7 +153,7 @@ class Registry(Generic[T]):
     def _check_complete(self, component: type[T], where: str = "") -> None:
         missing = set(getattr(component, "__abstractmethods__", ()))
         for base in component.__mro__:  # class variables that a base declares without a value
-            for name, kind in vars(base).get("__annotations__", {}).items():
+            for name, kind in inspect.get_annotations(base).items():
                 if "ClassVar" in str(kind) and not hasattr(component, name):
                     missing.add(name)
         if missing:
