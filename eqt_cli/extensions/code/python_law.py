@@ -24,6 +24,9 @@ import numpy as np
 
 CHANGES = ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "sqlite3.", "signal.", "pty.")
 HARMLESS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")  # the last two: of this process
+CAST = getattr(ctypes, "_cast_addr", None)
+"""The address of `ctypes.cast`, which SciPy's import calls: from Python 3.14 on, hooks hear of it."""
+
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
@@ -31,7 +34,8 @@ def refuse(event: str, about: tuple[Any, ...]) -> None:
     """Raise a `PermissionError` for what a law may not do; an audit hook, which nothing removes."""
     opens = event == "open" and (set(str(about[1])) & set("wax+") or about[2] & WRITES)
     changes = event.startswith(CHANGES) and event not in HARMLESS
-    if opens or changes or "_posixsubprocess" in about[:1]:
+    casts = event == "ctypes.call_function" and about[0] == CAST
+    if opens or (changes and not casts) or "_posixsubprocess" in about[:1]:
         raise PermissionError(f"{event} {about[0] if about else ''}".strip())
 
 
