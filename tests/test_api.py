@@ -519,7 +519,7 @@ def test_the_example_of_a_function_works(examples, name, monkeypatch):
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_what_a_function_returns_is_said(name):
-    assert "Returns\n    -------\n" in getattr(eqt_cli, name).__doc__
+    assert "Returns\n-------\n" in inspect.getdoc(getattr(eqt_cli, name))
 
 
 def test_a_figure_is_there_to_be_edited(result, tmp_path):

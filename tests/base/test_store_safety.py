@@ -306,7 +306,7 @@ def test_spoiled_compressed_data(tmp_path, table):
 
 
 def test_a_file_that_becomes_shorter_while_it_is_open(path):
-    write(path, Table({"torque": Variable(("time",), np.zeros(10_000))}))
+    write(path, Table({"torque": Variable(("time",), np.zeros(100_000))}))  # beyond any buffer
     with h5py.File(path) as file:
         offset = file["torque"].id.get_offset()
     with open_results(path) as results:

@@ -38,7 +38,8 @@ def test_a_law_with_a_fifth_less_error_is_found_to_have_it():
 
 def test_the_order_of_the_laws_does_not_matter():
     one, other = front("a", fine(1, 10), 1.0, 0.1), front("b", fine(2, 20), 1.25, 0.1, seed=1)
-    assert at_equal_cost([one, other], HOW) == at_equal_cost([other, one], HOW)
+    # As text, since a number that is absent is not equal to itself.
+    assert str(at_equal_cost([one, other], HOW)) == str(at_equal_cost([other, one], HOW))
 
 
 def test_what_is_not_known_of_the_cost_is_in_the_interval():
