@@ -814,9 +814,17 @@ def compiled_if_faster(engine: Engine, problem: Problem) -> Engine:
 
     Other engines, short problems and laws that cannot be compiled keep their engine.
     """
+    long = max(len(problem.times), len(problem.spans)) >= WORTH_COMPILING
+    return compiled_if_possible(engine, problem) if long else engine
+
+
+def compiled_if_possible(engine: Engine, problem: Problem) -> Engine:
+    """Return native, as accurate as an explicit method of solve_ivp: its bits are any machine's.
+
+    Other engines and laws that cannot be compiled keep their engine.
+    """
     if not isinstance(engine, SolveIvp) or engine.method not in FUNCTIONS:
         return engine
-    long = max(len(problem.times), len(problem.spans)) >= WORTH_COMPILING
-    if not long or refusal([problem.loop]):
+    if refusal([problem.loop]):
         return engine
     return Native(rtol=max(engine.rtol, SMALLEST_RTOL), atol=engine.atol)

@@ -25,7 +25,7 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
 from eqt_cli.components.vehicle import ESTIMATOR, Vehicle, navigates
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
-from eqt_cli.engines.native import compiled_if_faster, law_of
+from eqt_cli.engines.native import compiled_if_possible, law_of
 from eqt_cli.extensions.code.controllers import Adapter
 from eqt_cli.extensions.export.program_error import (
     DOUBLE,
@@ -397,7 +397,7 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int)
     study = Study(None, few)
     rehearse(study)
     [batch] = batches(study, label, np.arange(ensemble.runs))
-    engine = compiled_if_faster(batch.engine, batch.problem)
+    engine = compiled_if_possible(batch.engine, batch.problem)
     with step(f"runs of '{label}'", ensemble.runs):
         solution = engine.solve(batch.problem, workers, reporter().advance)
     good = np.flatnonzero(solution.status == 0)
