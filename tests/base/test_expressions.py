@@ -6,6 +6,7 @@ import copy
 import math
 import pickle
 import re
+import sys
 import warnings
 
 import numpy as np
@@ -222,10 +223,11 @@ def test_what_python_cannot_parse_is_refused(part: str) -> None:
 def test_the_longest_sum_is_right_or_refused() -> None:
     """Python parses it from 3.14 on."""
     terms = MAX_LENGTH // 2
-    try:
-        assert parse("+".join(["t"] * terms)).evaluate({"t": 1.0}) == terms
-    except ExpressionError as error:
-        assert str(error) == "the expression at column 1 has too many operators in a row"
+    text = "+".join(["t"] * terms)
+    if sys.version_info >= (3, 14):
+        assert parse(text).evaluate({"t": 1.0}) == terms
+    else:
+        assert _message(text) == "the expression at column 1 has too many operators in a row"
 
 
 def test_nesting_side_by_side_does_not_add_up() -> None:

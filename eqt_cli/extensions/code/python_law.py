@@ -25,7 +25,7 @@ import numpy as np
 CHANGES = ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "sqlite3.", "signal.", "pty.")
 HARMLESS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")  # the last two: of this process
 CAST = getattr(ctypes, "_cast_addr", None)
-"""The address of `ctypes.cast`, which SciPy's import calls: from Python 3.14 on, hooks hear of it."""
+"""The address of `ctypes.cast`, which the import of SciPy calls; hooks hear of it from 3.14 on."""
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
