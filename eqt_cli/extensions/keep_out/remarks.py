@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, norm
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
-from eqt_cli.extensions.keep_out.cones import OfCones, stretches, vanishing
+from eqt_cli.extensions.keep_out.cones import Cone, OfCones, stretches, vanishing
 from eqt_cli.numbers.running import SampledRuns, straightened
 
 
@@ -36,6 +36,8 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Any
             )
             continue
         margin = cone.margin(cone.nearest(before, chord))[0]
+        if (free := _free_axis(experiment)) is not None:
+            margin = _at_best(cone, free, shown.pose[:, :3, :3] @ free, over)
         for start, end, least in stretches(shown.times, margin):
             yield (
                 here,
@@ -49,3 +51,27 @@ def _chords(experiment: Experiment, metric: OfCones, times: Array) -> Array:
     shown = experiment.reference_over_horizon(times)
     pose = shown.pose[np.searchsorted(shown.times, times)]
     return metric.lines(SampledRuns(times), pose[None])
+
+
+def _free_axis(experiment: Experiment) -> Array | None:
+    """Return the body axis about which the laws may turn as they like; None if about none."""
+    loop = experiment.loop
+    if not loop.task.is_whole:
+        return np.array(loop.task.axis, dtype=float)
+    along = getattr(loop.reference, "direction", ())  # of a body that is pushed along one axis
+    is_free = len(along) == 3 and loop.reference.flat_output(loop.group, 0.0).heading is None
+    return np.array(along, dtype=float) if is_free else None
+
+
+def _at_best(cone: Cone, free: Array, pointed: Array, over: SampledRuns) -> Array:
+    """Return the margin of the best turn about an axis, deg.
+
+    With α from that axis to the one of the cone, and β from where it points to the direction, the
+    angle between both is at most α + β, or 360° less.
+    """
+    a = np.array(cone.axis) / norm(np.array(cone.axis))
+    d = cone.vector(over.time, over.of_times)
+    d = d / norm(d)[..., None]
+    alpha, beta = (np.arccos(np.clip(x, -1.0, 1.0)) for x in (a @ free, (pointed * d).sum(axis=-1)))
+    largest: Array = np.degrees(np.minimum(alpha + beta, 2 * np.pi - alpha - beta) - cone.angle)
+    return largest

@@ -126,6 +126,23 @@ def test_runs_have_these_numbers(name, engine, tmp_path):
             assert few.quantity(kind).window == WHOLE
 
 
+@pytest.mark.parametrize(("axis", "at", "angle", "inside"), [
+    ([0, 1, 0], [0, 1, 0], 1.5, None),  # a quarter turn about z takes it 90 deg away
+    ([0, 1, 0], [0, 0, 1], 1.6, 1.6 - np.pi / 2),  # it stays 90 deg from z
+    ([0, 1, 1], [0, 1, 1], 1.5, None),  # by half a turn, 90 deg away
+    ([0, 1, 1], [0, 1, 1], 1.6, 1.6 - np.pi / 2),
+    ([0, 0, 1], [0, 0, 1], 0.3, 0.3),
+])  # fmt: skip
+def test_of_an_axis_that_may_turn_the_best_turn_counts(axis, at, angle, inside):
+    cones = {"kind": "keep_out_time", "cones": [{"axis": axis, "at": at, "angle": angle}]}
+    point = {"kind": "point", "axis": [0, 0, 1], "at": [0, 0, 1]}
+    config = mapping(metrics=[cones], task=point, controllers=["lee2010"])
+    config.pop("reference")
+    said = "\n".join(map(str, remarks(api.load_experiment(config).base)))
+    assert ("the reference is inside" in said) is (inside is not None)
+    assert inside is None or f"by up to {np.degrees(inside):.3g} deg" in said
+
+
 def test_a_reference_that_enters_is_remarked_on():
     slew = {"kind": "slew", "to": {"rotvec": [0, "120 deg", 0]}, "duration": 4}
     cones = [{"axis": [0, 0, 1], "at": [1, 0, 0], "angle": "20 deg"}]
