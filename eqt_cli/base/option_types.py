@@ -21,6 +21,7 @@ from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     Discriminator,
     Field,
     PydanticUserError,
@@ -350,7 +351,20 @@ Name = Annotated[
 ]
 """A name that a file or folder can have on every system."""
 
-Count = Annotated[int, Field(strict=True, ge=1)]
+NEARLY = 1e-9
+"""Relative distance from a whole number within which a result of a formula, as 0.07/0.01, is it."""
+
+
+def _nearly_whole(value: Any) -> Any:
+    """Return the whole number that a number misses by rounding; any other value as it is."""
+    if not isinstance(value, float) or not math.isfinite(value) or value.is_integer():
+        return value
+    return round(value) if abs(value - round(value)) <= NEARLY * abs(value) else value
+
+
+_Whole = BeforeValidator(_nearly_whole)
+
+Count = Annotated[int, _Whole, Field(strict=True, ge=1)]
 """A whole number of at least 1."""
 
 MAX_RUNS = 10**8
@@ -359,19 +373,19 @@ MAX_RUNS = 10**8
 MAX_POINTS = 10**7
 """Largest number of points of a sweep, because all are checked before the first one is run."""
 
-RunCount = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS)]
+RunCount = Annotated[int, _Whole, Field(strict=True, ge=1, le=MAX_RUNS)]
 """A number of runs."""
 
 MAX_SAMPLES = 10**7
 """Largest number of samples of a run: a day at 100 Hz, and 80 MB for each quantity."""
 
-Samples = Annotated[int, Field(strict=True, ge=2, le=MAX_SAMPLES)]
+Samples = Annotated[int, _Whole, Field(strict=True, ge=2, le=MAX_SAMPLES)]
 """A number of sample times, both ends included."""
 
-Points = Annotated[int, Field(strict=True, ge=1, le=MAX_POINTS)]
+Points = Annotated[int, _Whole, Field(strict=True, ge=1, le=MAX_POINTS)]
 """A number of points of a sweep, or of values along one of its axes."""
 
-CountOrNone = Annotated[int, Field(strict=True, ge=0)]
+CountOrNone = Annotated[int, _Whole, Field(strict=True, ge=0)]
 """A whole number of at least 0, where 0 stands for none."""
 
 
@@ -382,8 +396,12 @@ def seconds(text: str) -> float:
 
 def _time_as_written(value: Any, handler: Any) -> Any:
     """Return a time such as ``20 ms`` as it is, once it is read; any other value is a count."""
+    value = _nearly_whole(value)
     if isinstance(value, float) and not value.is_integer():
-        raise ValueError(f"counts control periods, got {value:g}; for a time write '{value:g} s'")
+        # A formula gives a count more than 1; a number below 1 was meant as a time.
+        instead = "take a whole number, or a time such as '20 ms'"
+        instead = f"for a time write '{value!r} s'" if value < 1 else instead
+        raise ValueError(f"counts control periods, got {value!r}; {instead}")
     if not has_unit(value):
         return handler(value)
     if not 0 <= seconds(value) < math.inf:

@@ -609,13 +609,14 @@ def periods_in(time: float, period: float, least: int = 0, name: str = "periods"
     count = time / period
     if not least * (1 - ROUNDING) <= count < EXACT:
         raise ValueError(
-            f"expected from {least} to {EXACT:g} {name} of {period:g} s, got {time:g} s"
+            f"expected from {least} to {EXACT:g} {name} of {period:.10g} s, got {time:.10g} s"
         )
     if abs(count - round(count)) > ROUNDING * max(count, 1.0):
         near = [math.floor(count), math.ceil(count)]
-        times = " or ".join(f"{1e3 * count * period:g} ms" for count in near)
+        times = " or ".join(f"{1e3 * count * period:.10g} ms" for count in near)
         raise ValueError(
-            f"expected a whole number of {name} of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"expected a whole number of {name} of {1e3 * period:.10g} ms, got "
+            f"{1e3 * time:.10g} ms; "
             f"write {times}"
         )
     return round(count)

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -147,6 +147,8 @@ class Study:
         The plans of all pieces, where another process or the whole study has made them.
     whole
         The study of which this is a piece.
+    remarks
+        What was remarked on `base` before it is run, for the readers of its result.
     """
 
     sweep: Sweep | None
@@ -154,6 +156,7 @@ class Study:
     common: Document | None = None
     planned: Plans | None = None
     whole: Study | None = None
+    remarks: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def document(self) -> Document:
@@ -266,7 +269,11 @@ class Study:
         """Points grouped by shape."""
         shaping = [key for key in (self.sweep.sets if self.sweep else ()) if self._shapes(key)]
         sets = self.sweep.sets if self.sweep else ()
-        remembers = any(section_of(key) == "controllers" and _is_kind(key) for key in sets)
+        # Laws have memories, and delays that are times wait for other numbers of other periods.
+        remembers = any(
+            section_of(key) == "control" or (section_of(key) == "controllers" and _is_kind(key))
+            for key in sets
+        )
         if self.sweep is None or not (shaping or remembers):
             return [range(len(self))]
         by_shape: dict[str, list[int]] = {}
@@ -275,7 +282,7 @@ class Study:
             shape: dict[str, Any] = {key: values[key] for key in shaping if key in values}
             with suppress(ConfigError):  # which the check of all points notes
                 loops = self.experiment(point).loops.values() if remembers else ()
-                shape[""] = [loop.state_length for loop in loops]  # laws have memories
+                shape[""] = [loop.state_length for loop in loops]
             by_shape.setdefault(json.dumps(shape), []).append(point)
         return list(by_shape.values())
 
@@ -580,9 +587,13 @@ def _unlike(checked: Study, experiment: Experiment, first: int) -> str | None:
     for label, loop in checked.experiment(first).loops.items():
         length, expected = experiment.loops[label].state_length, loop.state_length
         if length != expected:
+            lengths = (one.layout.lengths for one in (experiment.loops[label], loop))
+            differing = {
+                x for x, _ in set.symmetric_difference(*(set(of.items()) for of in lengths))
+            }
             return (
                 f"the loop of controller '{label}' has {length} states, but {expected} at point "
-                f"{first}; run references that are integrated differently as separate experiments, "
-                "and compare them by `eqt compare RESULT OTHER`"
+                f"{first} ({', '.join(sorted(differing)).replace('_', ' ')}); run such points as "
+                "separate experiments, and compare them by `eqt compare RESULT OTHER`"
             )
     return None

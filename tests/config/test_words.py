@@ -318,3 +318,18 @@ def test_a_sensor_named_by_a_word_alone_is_judged_by_its_defaults(tmp_path, monk
     sampled = {"plugins": ["own.py"], "control": {"period": 0.1}}
     said = words(BODY | sampled | {"sensors": {"velocity": ["own_noise"]}})
     assert "sensors.velocity[0]: a noise of 3 rad/s" in "".join(said)
+
+
+@pytest.mark.parametrize(
+    ("written", "count"), [(0.07 / 0.01, 7), (0.29 / 0.01, 29), (0.3 / 0.1, 3), (4, 4)]
+)
+def test_a_count_that_a_division_misses_by_rounding_is_whole(written, count):
+    config = BODY | {"control": {"period": 0.1, "delay": written}, "ensemble": {"runs": written}}
+    read = load_experiment(config).base.config
+    assert (read.control.delay, read.ensemble.runs) == (count, count)
+
+
+@pytest.mark.parametrize("written", [7.5, 7.0000001])
+def test_a_count_that_is_not_whole_is_printed_as_it_is(written):
+    with pytest.raises(ConfigError, match=f"control.delay.*got {written!r}; take a whole number"):
+        load_experiment(BODY | {"control": {"period": 0.1, "delay": written}})

@@ -388,3 +388,17 @@ def test_a_law_with_memory_is_no_other_law_though_it_begins_as_one(make, folder)
         "controllers=[{kind: leaky}]",
     )
     assert law_names(found, found.sweep).tolist() == [[""], [""]]
+
+
+def test_a_delay_in_seconds_waits_for_its_time_at_each_period(folder):
+    config = configuration(
+        control="{period: 0.1}",
+        sensors="{pose: [{kind: noise, std: 0.01, delay: 200 ms}]}",
+        sweep="[{grid: {control.period: [0.1, 0.05]}}]",
+        time="{duration: 0.5, samples: 6}",
+    )
+    (folder / "c.yaml").write_text(config, encoding="utf-8")
+    swept = study(read_config(folder / "c.yaml"))
+    loops = [experiment.loop for experiment in map(swept.experiment, range(2))]
+    assert [loop.vehicle.holding(loop.group)[0].delay for loop in loops] == [2, 4]
+    assert [list(points) for points in swept.shapes] == [[0], [1]]
