@@ -82,7 +82,7 @@ def run(
             "out --force and --shard"
         )
     loaded = loaded if force else ResultFolder(folder).begun(loaded)
-    remark_on(loaded.base)
+    loaded = replace(loaded, remarks=remark_on(loaded.base))
     done = execute(
         loaded,
         folder,
@@ -229,5 +229,6 @@ def pack(
     ResultFolder(Path(folder)).check()
     document = read_config(Path(folder, CONFIG), trusted=trust_plugins)
     document = replace(document, home=replace(document.home, is_result=True))
-    done = pack_folder(study(document), Path(folder))
+    packed = study(document)
+    done = pack_folder(replace(packed, remarks=remark_on(packed.base)), Path(folder))
     return StoredResult(done.folder.path, outcome=done)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -193,8 +193,11 @@ def compare(
         as_rows = rows is Rows.CONTROLLERS or (rows is None and is_wide)
         look = _Look(table, against or (), format, write, as_rows, json)
         shown = _of_experiment(result, chosen | of_two | more, look, gate)
+    with ExitStack() as opened:
+        both = [opened.enter_context(open_at(path)) for path in (result, other) if path]
+        remarked = output.remarked(*both)
     with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
-        _print(shown, result, format, json, columns)
+        _print(shown, result, format, json, columns, remarked)
     if not shown.passes:
         raise typer.Exit(4)
 
@@ -235,9 +238,16 @@ class _Findings(NamedTuple):
     passes: bool = True
 
 
-def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, columns: int) -> None:
+def _print(
+    shown: _Findings,
+    result: Path,
+    format: TableFormat,
+    json: bool,
+    columns: int,
+    remarked: Sequence[str],
+) -> None:
     if json:
-        output.print_json({"path": str(result), **shown.document})
+        output.print_json({"path": str(result), "remarks": remarked, **shown.document})
         return
     is_text = format is TableFormat.TEXT
     for line in shown.gate:
@@ -252,6 +262,8 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
         for number, table in enumerate(shown.tables):
             blank = [""] if number > 0 or shown.premises else []
             output.print_text(*blank, output.laid_out(table))
+        if remarked:
+            output.print_text("", *(f"remark: {text}" for text in remarked))
         _print_timing(result if result.is_dir() else result.parent, result)
     for remark in shown.remarks:
         output.say(remark)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.text import Text
 
+    from eqt_cli.results.result import Result
+
 # Text that stays on one line: words, norms, integrals, intervals, shares; knows no layout ---------
 
 
@@ -224,6 +226,12 @@ def _fold(line: str, width: int) -> str:
 
 _HANGING = re.compile(r" *(\S+ {2,})?")
 """Hanging indent of wrapped lines: the indentation, and the word that labels the line."""
+
+
+def remarked(*results: Result) -> list[str]:
+    """Return what was remarked on the configurations of results before they were run, once each."""
+    texts = (text for result in results for text in result.described.remarks)
+    return [*dict.fromkeys(texts)]
 
 
 def duration(seconds: float) -> str:

@@ -163,6 +163,7 @@ def _summary(results: Result, json: bool) -> None:
             "digest": results.attributes["digest"],
             "config": _stored(results, "config"),
             "provenance": results.provenance,
+            "remarks": results.described.remarks,
             "dimensions": dict(results.dimensions),
             "variables": {
                 name: {"dims": list(results.dims(name)), "units": results.units(name)}
@@ -187,8 +188,10 @@ def _summary(results: Result, json: bool) -> None:
     ]
     if shown := [output.laid_out(table) for table in conclusion_of(results).tables()]:
         output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
-        return
-    print_outcome(results, heading)
+    else:
+        print_outcome(results, heading)
+    if remarked := output.remarked(results):
+        output.print_text(*(f"remark   {text}" for text in remarked))
 
 
 def _by_extension(option: str, arguments: tuple[object, ...], results: Result, json: bool) -> None:

@@ -1,5 +1,6 @@
 """Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
 
+import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -10,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, parse_key
+from eqt_cli.base.errors import EqtWarning, InputError, InputProblem, KeyPath, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
@@ -56,6 +57,10 @@ def remarks(
     experiment: Experiment, shown: Horizon | None = None, runs: bool = True
 ) -> list[EqtWarning]:
     """Return remarks on an experiment and its reference, and on its `runs` before they are run."""
+    return [EqtWarning(str(problem)) for problem in _noted(experiment, shown, runs)]
+
+
+def _noted(experiment: Experiment, shown: Horizon | None, runs: bool) -> list[InputProblem]:
     equal = (
         f"all {experiment.config.ensemble.runs} runs of a law are equal, as nothing is drawn: "
         "one run tells as much, and no interval follows from them"
@@ -81,13 +86,22 @@ def remarks(
     # A constant of another unit explains what is said of the whole actuator.
     explained = {key[:-1] for key, _ in placed if key[-1] == "thrust_constant"}
     shortened = ((key, text) for key, text in placed if key not in explained)
-    return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in shortened]
+    return [experiment.document.problem(key, text) for key, text in shortened]
 
 
-def remark_on(experiment: Experiment, runs: bool = True) -> None:
-    """Tell the reporter the remarks on an experiment of which loops, or also runs, are computed."""
-    for remark in remarks(experiment, runs=runs):
-        reporter().remark(remark)
+def remark_on(experiment: Experiment, runs: bool = True) -> tuple[str, ...]:
+    """Tell the reporter the remarks on an experiment of which loops, or also runs, are computed.
+
+    They are returned as results hold them, without the places of this machine.
+    """
+    noted = _noted(experiment, None, runs)
+    for problem in noted:
+        reporter().remark(EqtWarning(str(problem)))
+    return tuple(f"{problem.path}: {_FOLDERS.sub('', problem.message)}" for problem in noted)
+
+
+_FOLDERS = re.compile(r"(?<![\w.)\]])/(?:[^\s/:'\"]+/)+")
+"""The folders of an absolute path in a text; a slash of a unit stands behind a letter."""
 
 
 Placed = Iterator[tuple[KeyPath, str]]

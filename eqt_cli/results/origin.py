@@ -148,6 +148,8 @@ class Experiment(BaseModel):
         clock or the actuators are swept.
     decimate
         Of so many samples of a run, one is stored.
+    remarks
+        What was remarked on the configuration before it was run, each behind its key.
     axis
         The body axis that `task: point` turns; none of other tasks.
     parts
@@ -174,6 +176,7 @@ class Experiment(BaseModel):
     down: bool = False
     holds: dict[str, PositiveFloat] = {}
     decimate: PositiveInt = 1
+    remarks: list[Words] = []
     axis: Arrow | None = None
     parts: list[StoredPart] = []
     window: tuple[NonNegativeFloat, PositiveFloat | None] = (0.0, None)

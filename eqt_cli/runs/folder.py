@@ -635,13 +635,16 @@ def _sizes(variables: Mapping[str, Variable]) -> dict[str, int]:
     return {name: along.size for name, along in variables.items() if along.dims == (name,)}
 
 
-def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:
+def _experiment(
+    experiment: Experiment, config: Mapping[str, Any], swept: Set[str], remarks: Sequence[str]
+) -> str:
     """Return what readers show of an experiment, in JSON; a swept tolerance is none."""
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
     vehicles = [loop.vehicle for loop in experiment.loops.values()]
     departures = dict.fromkeys(part.departs for one in vehicles for part in one.parts.values())
     about = description(config, ", ".join(departures)) | {
         "titles": experiment.titles,
+        "remarks": list(remarks),
         "exact": exactly_measured(experiment.group, experiment.loop.vehicle),
         "decimate": experiment.config.store.decimate,
         "axis": experiment.loop.task.axis or None,
@@ -723,7 +726,9 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": (study.whole or study).digest,
         "group": ", ".join(groups),
-        "experiment": _experiment(study.base, study.resolved, swept),
+        "experiment": _experiment(
+            study.base, study.resolved, swept, (study.whole or study).remarks
+        ),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
     }

@@ -184,7 +184,7 @@ def test_plugins_are_printed_and_not_executed(eqt, folder):
 
 def test_json_is_one_document(eqt, result):
     document = json.loads(eqt("show", result, "--json").out)
-    keys = "path title digest config provenance dimensions variables window controllers"
+    keys = "path title digest config provenance remarks dimensions variables window controllers"
     assert set(document) == set(keys.split())
     manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
     assert document["digest"] == manifest["digest"]
@@ -327,3 +327,22 @@ def test_every_part_of_a_pose_has_its_numbers(eqt):
         mean = result.metric("mean_pose_error_position", 0).mean()
     name, *cells = [cell for cell in law.split() if cell != "*"]
     assert name == "EqT" and float(cells[at - 1]) == pytest.approx(mean, rel=1e-3)
+
+
+@pytest.mark.ci("runs and grows a result, and reads it eight times")
+def test_remarks_on_the_configuration_stand_once_with_its_result(eqt):
+    """Also after the result grows, and without the folders of this machine."""
+    laws = "controllers=[eqt, {kind: gt, label: none}]"
+    start = "initial={pose: {kind: fixed, coordinates: [0, 0, 1]}}"
+    few = ("c.yaml", "--out", "out", *(f"--set={x}" for x in (laws, start, "time.duration=0.2")))
+    for runs, grow in ((2, ()), (3, ("--grow",))):
+        done = eqt("run", *few, f"--set=ensemble.runs={runs}", *grow)
+        documents = [json.loads(eqt(word, "out", "--json").out) for word in ("show", "compare")]
+        first, equal = documents[0]["remarks"]
+        assert documents[1]["remarks"] == [first, equal]
+        assert says(first, "controllers: the label 'none'…")
+        assert says(equal, f"ensemble.runs: all {runs} runs of a law are equal…")
+        for text in (" ".join(eqt(word, "out").out.split()) for word in ("show", "compare")):
+            assert text.count(equal) == text.count(first) == 1
+        assert " ".join(done.err.split()).count(equal) == 1
+    assert "/" not in first + equal

@@ -372,6 +372,7 @@ def report(
         facts=summary.facts(result, author, date),
         title=title or summary.called(result),
         notes=[" ".join(text.split()) for text in re.split(r"\n\s*\n", notes) if text.strip()],
+        remarked=result.described.remarks,
         stated=summary.stated_values(result),
         laws=summary.laws(result),
         functions=result.lyapunov_functions,
