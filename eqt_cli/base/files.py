@@ -309,12 +309,12 @@ def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
         raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
     except (FileNotFoundError, ValueError, RecursionError):
         return None
-    if not (isinstance(record, dict) and set(keys) <= set(record)):
+    if not isinstance(record, dict):
         return None
     checksum = record.pop(CHECKSUM, None)
     if checksum not in (None, f"{zlib.crc32(json.dumps(record).encode()):08x}"):
         raise OSError(errno.EIO, f"{path.name} is damaged: its checksum differs; restore a copy")
-    return record
+    return record if set(keys) <= set(record) else None
 
 
 @contextmanager
@@ -595,6 +595,7 @@ def write_all(contents: Mapping[Path, bytes], home: Path) -> None:
     for path, content in contents.items():
         with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
+            remove_left_over(path.parent, [FilePattern(re.escape(path.name))])
             replace_file(path, content)
 
 

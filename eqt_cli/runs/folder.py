@@ -225,6 +225,12 @@ class ResultFolder:
     def _clear(self, study: Study, force: bool) -> list[str]:
         existing = [name for name in _ENTRIES if files.kind_of(self.path / name)]
         manifest = self.manifest
+        if MANIFEST in existing and not manifest:
+            raise EqtError(
+                f"{self.path}: {MANIFEST} is damaged, or not of eqt",
+                Remedy("restore a copy of it"),
+                OTHER_FOLDER,
+            )
         if existing and not manifest:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
         inner = () if existing else self.path.glob(f"*/{MANIFEST}")

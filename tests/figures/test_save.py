@@ -119,9 +119,12 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
 def test_files_are_replaced(tmp_path):
     path = tmp_path / "summary.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>")
+    (tmp_path / f"{path.name}.{'0' * 16}.tmp").write_bytes(b"of a process that was killed")
+    other = tmp_path / f"notes.pdf.{'0' * 16}.tmp"
+    other.write_bytes(b"of another file")
     write_all({path: b"new"}, tmp_path)
     assert path.read_bytes() == b"new"
-    assert list(tmp_path.iterdir()) == [path]
+    assert {*tmp_path.iterdir()} == {path, other}
 
 
 def test_files_of_others_are_not_replaced(tmp_path):

@@ -455,6 +455,19 @@ def test_a_folder_of_others_takes_no_result(lay, name, force):
     assert state(out / name) == before
 
 
+@pytest.mark.parametrize("at", [0, 5, 40, -3])
+def test_a_flipped_bit_of_a_manifest_is_told(lay, at):
+    """The brace before all, the name of a key, a value, and the brace behind all."""
+    out = lay("complete")
+    content = bytearray((out / MANIFEST).read_bytes())
+    content[at] ^= 4
+    (out / MANIFEST).write_bytes(content)
+    said = call("run c.yaml --out OUT").error
+    assert "manifest.json is damaged" in said
+    assert "did not write" not in said
+    assert "\n" not in said.strip()
+
+
 @pytest.mark.parametrize("name", ["tuning.json", "generations", "tuned"])
 @pytest.mark.parametrize("force", ["", " --force"])
 def test_a_folder_of_others_takes_no_tuning(lay, name, force):

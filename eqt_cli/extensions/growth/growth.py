@@ -366,6 +366,7 @@ def grow(session: Session, *, drops: bool = False) -> Execution:
     """
     folder, wanted = session.folder, session.study
     manifest = folder.manifest
+    folder.tidy()
     if manifest.get(MOVING) == wanted.digest:
         return _moved(session, manifest, 0)
     with open_results(folder.results) as old:

@@ -124,7 +124,8 @@ class Reading:
         path = folder / name
         if not path.is_file() and name in shipped.names():
             path = shipped.folder() / f"{name}.yaml"
-        if path.resolve() in [source.resolve() for source in chain]:
+        # `Path.resolve` raises an error of its own for a link to itself, which cannot be read.
+        if os.path.realpath(path) in map(os.path.realpath, chain):
             way = " → ".join(source.name for source in (*chain, path))
             raise InputError(f"{path} extends itself: {way}")
         if len(chain) >= MOST_LEVELS:

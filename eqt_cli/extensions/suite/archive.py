@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError
-from eqt_cli.base.files import refusals, replace_file
+from eqt_cli.base.files import FilePattern, refusals, remove_left_over, replace_file
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.suite.judging import Judged
 from eqt_cli.extensions.suite.packs import members
@@ -100,6 +101,7 @@ def write(path: Path, archive: Archive) -> None:
                 _add(packed, f"laws/{number}/{name}", text.encode())
     with refusals(path, "written"):
         path.parent.mkdir(parents=True, exist_ok=True)
+        remove_left_over(path.parent, [FilePattern(re.escape(path.name))])
         replace_file(path, stream.getvalue())
 
 

@@ -52,9 +52,9 @@ def answer(kind: str, request: Request) -> Any:
         With what is wrong with the file; or that its process needed too much, or crashed.
     """
     where, title = shown(request.path), _TITLES[kind]
-    asked = {**asdict(request), "path": str(request.path.absolute())}
-    asked |= {"models": [str(folder.absolute()) for folder in request.models]}
-    text = json.dumps({key: value for key, value in asked.items() if key in _ASKED}).encode()
+    entries = {**asdict(request), "path": str(request.path.absolute())}
+    entries["models"] = [str(folder.absolute()) for folder in request.models]
+    text = json.dumps({key: value for key, value in entries.items() if key in _ASKED}).encode()
     limits = Limits(PATIENCE * SECONDS, _IMPORTS, 2 * MOST_BYTES)
     words = ["env", "OPENBLAS_NUM_THREADS=1", "MALLOC_ARENA_MAX=1"] if not WINDOWS else []
     words += [sys.executable, "-I", "-c", _START, str(_ROOT), kind]
@@ -100,9 +100,9 @@ _LACKS_MEMORY = 75
 def main() -> None:
     """Read the request from stdin, and write the answer to stdout."""
     out, kind = os.fdopen(os.dup(1), "wb"), sys.argv[2]
-    asked = json.load(sys.stdin)
-    asked |= {"path": Path(asked["path"]), "models": [Path(name) for name in asked["models"]]}
-    request = Request(**asked)
+    entries = json.load(sys.stdin)
+    entries |= {"path": Path(entries["path"]), "models": [Path(name) for name in entries["models"]]}
+    request = Request(**entries)
     os.environ.clear()
     os.environ.update({name: value for name, value in request.arguments.items() if name})
     said: dict[str, Any] = {}

@@ -86,7 +86,8 @@ def vehicle_of(mujoco: Any, request: Request) -> Vehicle:
     mujoco.mj_comPos(model, data)
     lines = _lines(spec, where) if is_whole else {}
     reader = _Mjcf(mujoco, model, data, where, lines, notes)
-    vehicle = reader.vehicle(spec.modelname, request, read(request.path))
+    with np.errstate(all="ignore"):  # what is no number, or too large, is told below
+        vehicle = reader.vehicle(spec.modelname, request, read(request.path))
     parts: tuple[Link | Rotor | Wheel, ...] = (*vehicle.links, *vehicle.rotors, *vehicle.wheels)
     for part in parts:
         numbers = [x for x in vars(part).values() if isinstance(x, float | np.ndarray)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,9 +95,9 @@ class Request:
     @property
     def folders(self) -> list[Path]:
         """The folders whose files a file may name: its own, that around it, and those of models."""
-        own = self.path.resolve().parent
-        around = [] if own.parent == own.parent.parent else [own.parent]
-        return [own, *around, *(folder.resolve() for folder in self.models)]
+        folder = self.path.resolve().parent
+        around = [] if folder.parent == folder.parent.parent else [folder.parent]
+        return [folder, *around, *(Path(os.path.realpath(models)) for models in self.models)]
 
     def leaves_out(self, *names: str) -> bool:
         """Whether a link or an included model of these names is left out."""
@@ -141,7 +142,7 @@ class Request:
         EqtError
             If it is in none of the `folders`.
         """
-        there = path.resolve()
+        there = Path(os.path.realpath(path))  # of a link to itself, too
         if not any(there.is_relative_to(folder) for folder in (*self.folders, *more)):
             raise EqtError(
                 f"{place}: {path.name} is outside of the folder of the file; copy it there, or "

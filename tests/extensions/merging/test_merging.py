@@ -93,6 +93,13 @@ def test_wrong_uses_are_refused_at_their_place(written, tmp_path, own, said):
     assert says(message.replace(f"{tmp_path}/own/", "").replace(f"{tmp_path}/", ""), said)
 
 
+def test_a_link_to_itself_is_refused(written, tmp_path):
+    (tmp_path / "base").mkdir(exist_ok=True)
+    (tmp_path / "base" / "loop.yaml").symlink_to("loop.yaml")
+    assert "1:1: extends: " in (message := error_of(written, "extends: ../base/loop.yaml"))
+    assert "loop.yaml: cannot be read: too many" in message
+
+
 def test_a_result_holds_all_texts_and_extends_nothing(written, eqt, tmp_path):
     written(
         "extends: ../base/vehicle.yaml\ncontrollers: [eqt]\nreference: {torque: [0, 0, 1]}\n"
