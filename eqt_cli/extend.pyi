@@ -4,6 +4,7 @@ from eqt_cli.analysis.claims import AtMost as AtMost
 from eqt_cli.analysis.claims import Claim as Claim
 from eqt_cli.analysis.claims import ClaimSet as ClaimSet
 from eqt_cli.analysis.claims import Less as Less
+from eqt_cli.analysis.intervals import Resampling as Resampling
 from eqt_cli.base.arrays import Array as Array
 from eqt_cli.base.arrays import absolute as absolute
 from eqt_cli.base.arrays import apply_matrix as apply_matrix
@@ -45,6 +46,8 @@ from eqt_cli.base.registry import Keys as Keys
 from eqt_cli.base.registry import load_plugin as load_plugin
 from eqt_cli.base.reporting import Block as Block
 from eqt_cli.base.reporting import TextTable as TextTable
+from eqt_cli.base.store_reader import ResultFile as ResultFile
+from eqt_cli.base.store_writer import Variable as Variable
 from eqt_cli.base.stored import Signal as Signal
 from eqt_cli.base.stored import Status as Status
 from eqt_cli.base.stored import signal as signal
@@ -151,6 +154,9 @@ from eqt_cli.config.designs import Sampled as Sampled
 from eqt_cli.config.designs import SampledAxis as SampledAxis
 from eqt_cli.config.designs import Sobol as Sobol
 from eqt_cli.config.designs import Zip as Zip
+from eqt_cli.config.document import Document as Document
+from eqt_cli.config.experiment import Experiment as Experiment
+from eqt_cli.config.study import Study as Study
 from eqt_cli.engines.engine import Engine as Engine
 from eqt_cli.engines.engine import Failure as Failure
 from eqt_cli.engines.engine import Integrator as Integrator
@@ -213,7 +219,9 @@ from eqt_cli.numbers.jets import Jet as Jet
 from eqt_cli.numbers.jets import value_and_derivative as value_and_derivative
 from eqt_cli.numbers.running import SampledRuns as SampledRuns
 from eqt_cli.results.conclusion import Conclusion as Conclusion
+from eqt_cli.results.quantity import Plain as Plain
 from eqt_cli.results.quantity import Window as Window
+from eqt_cli.results.result import Result as Result
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.runs.executors import Auto as Auto
 from eqt_cli.runs.executors import Executor as Executor

@@ -12,6 +12,7 @@ from eqt_cli.analysis.claims import judged, tests_of
 from eqt_cli.analysis.comparison import Comparison, Numbers
 from eqt_cli.analysis.comparison_tables import answer_lines
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import listed
@@ -120,7 +121,7 @@ def compare(
     without = [titles[x] for x, (one, law) in laws.items() if law in one.described.without_forces]
     if second is None and concluded.premise:
         between = [*between, concluded.premise]
-    remarks = functions_for("remarks on a result")
+    remarks = functions_for(purposes.remarks_on_a_result)
     between = [*between, *(line for lines in remarks for one in both for line in lines(one))]
     if 0 < len(without) < len(laws):
         forces = f"without the forces of `model` (`known_forces: false`): {', '.join(without)}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, Remedy, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.results.conclusion import conclusion_of
@@ -109,14 +110,16 @@ def compare(
             chosen = chosen_labels(before, controllers, without_start=without_start)
             return compared(before, labels=chosen)
         with open_at(path_from("other", other), point) as second:
-            now, is_gate = second.in_units(units), fail_on is not None
+            now, gate = second.in_units(units), None
             _require_same(opened, second, same)
-            pairs = _counterparts(opened, second, law or {}, controllers, all_needed=is_gate)
-            if is_gate:
-                gate = function_for("compare --fail-on")(fail_on, before, now, over)
+            pairs = _counterparts(
+                opened, second, law or {}, controllers, all_needed=fail_on is not None
+            )
+            if fail_on is not None:
+                gate = function_for(purposes.compare_fail_on)(fail_on, before, now, over)
             between = _between(opened, second)
             both = compared(before, now, between=between, counterparts=pairs)
-            return replace(both, gate=gate(both, pairs)) if is_gate else both
+            return replace(both, gate=gate(both, pairs)) if gate else both
 
 
 def _windows(windows: Sequence[str | Window]) -> list[Window]:

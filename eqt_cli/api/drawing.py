@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at, require_list
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, EqtWarning, Problems, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FIGURES, YAML, check_targets
@@ -119,12 +120,11 @@ def plot(
                 raise EqtError(
                     "measured: no figure that is drawn shows a recording; 'measured' does"
                 )
-            group = known_group(first.group_name) if isinstance(first, Result) else first.group
-            if isinstance(first, Result) and group is None:
-                raise EqtError(
-                    f"measured: group '{first.group_name}' of a plugin is not known here"
-                )
-            beside = function_for("plot --measured")(measured, group, mapping, log_format)
+            name = first.group_name if isinstance(first, Result) else ""
+            group = known_group(name) if isinstance(first, Result) else first.group
+            if group is None:
+                raise EqtError(f"measured: group '{name}' of a plugin is not known here")
+            beside = function_for(purposes.plot_measured)(measured, group, mapping, log_format)
             for note in beside.notes:
                 reporter().remark(EqtWarning(f"{beside.name}: {note}"))
         with step(DRAWN, len(wanted)):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.api.loading import Configuration, ResultPath, StoredResult, load_experiment
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import Kind
@@ -224,7 +225,7 @@ def pack(
         if not others or out is None:
             raise EqtError("pack: several results need a folder `out`, and one needs none")
         paths = [Path(path) for path in (folder, *others)]
-        done = function_for("pack --out")(paths, Path(out), trusted=trust_plugins)
+        done = function_for(purposes.pack_out)(paths, Path(out), trusted=trust_plugins)
         return StoredResult(done.folder.path, outcome=done)
     ResultFolder(Path(folder)).check()
     document = read_config(Path(folder, CONFIG), trusted=trust_plugins)

@@ -325,3 +325,14 @@ def distinct(numbers: Any) -> Array:
     """Return distinct numbers in rising order: `np.unique`, which imports masked arrays for it."""
     ordered = np.sort(numbers, axis=None)
     return ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]
+
+
+def least_squares(columns: Arrays, values: Array) -> dict[str, float]:
+    """Return the least-squares coefficients of the columns with the smallest norm."""
+    if not columns:
+        return {}
+    matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0] = 1.0
+    shares = np.linalg.lstsq(matrix / sizes, values.ravel(), rcond=1e-10)[0] / sizes
+    return dict(zip(columns, shares.tolist(), strict=True))

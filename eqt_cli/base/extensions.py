@@ -10,11 +10,11 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 from eqt_cli.base.errors import ComponentError, EqtWarning, suggestion
 from eqt_cli.base.reporting import reporter
@@ -69,6 +69,71 @@ class CommandPlace(NamedTuple):
     after: str = ""
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Purpose(Generic[P, R]):
+    """What other code asks extensions for: a signature, with a sentence; `base/purposes.py`.
+
+    Called with a function that an extension has for it, it returns the function as it is: so that
+    the checker of types compares both signatures.
+
+    Parameters
+    ----------
+    signature
+        A function without a body, whose docstring says what it returns and who asks.
+    name
+        The words of a message where no extension has a function. Default: the function's name.
+    """
+
+    def __init__(self, signature: Callable[P, R], name: str = "") -> None:
+        self.signature = signature
+        self.name = name or signature.__name__.replace("_", " ")
+
+    def __call__(self, function: Callable[P, R]) -> Callable[P, R]:
+        """Return a function for this purpose, and note the purpose in it."""
+        function.purpose = self  # type: ignore[attr-defined]
+        return function
+
+
+class One(Purpose[P, R]):
+    """What one extension of eqt does, and without which a command refuses."""
+
+
+class Every(Purpose[P, R]):
+    """What any number of extensions may have."""
+
+
+def one(name: str) -> Callable[[Callable[P, R]], One[P, R]]:
+    """Make a signature the purpose of one extension, with its name in messages."""
+    return lambda signature: One(signature, name)
+
+
+def every(signature: Callable[P, R]) -> Every[P, R]:
+    """Make a signature a purpose of any number of extensions."""
+    return Every(signature)
+
+
+class FunctionPlace(NamedTuple):
+    """Where a function for a purpose is.
+
+    Attributes
+    ----------
+    purpose, function
+        The purpose, and the function as ``package.module.name``.
+    beside
+        A file: the function is for results in a folder that has it.
+    key
+        The word by which the function is asked for, of a purpose whose functions differ.
+    """
+
+    purpose: Purpose[..., Any]
+    function: str
+    beside: str = ""
+    key: str = ""
+
+
 class Extension:
     """What one package adds to eqt; places are relative to it, ``module.name``.
 
@@ -85,7 +150,7 @@ class Extension:
         self.kinds: dict[str, str] = {}
         self.components: dict[str, dict[str, str]] = {}
         self.commands: dict[str, CommandPlace] = {}
-        self.functions: dict[str, str] = {}
+        self.functions: list[FunctionPlace] = []
 
     def add_kind(self, kind: str, module: str) -> None:
         """Name the module of the registry of a kind of components, by its plural."""
@@ -104,9 +169,12 @@ class Extension:
         """Name the function of a command, as `CommandPlace` describes."""
         self.commands[name] = CommandPlace(f"{self.package}.{function}", panel, example, after)
 
-    def add_function(self, purpose: str, function: str) -> None:
-        """Name a function for a purpose of other code, such as a section of `eqt show`."""
-        self.functions[purpose] = f"{self.package}.{function}"
+    def add_function(
+        self, purpose: Purpose[..., Any], function: str, beside: str = "", key: str = ""
+    ) -> None:
+        """Name a function for a purpose of `eqt_cli.base.purposes`, as `FunctionPlace` says."""
+        place = FunctionPlace(purpose, f"{self.package}.{function}", beside, key)
+        self.functions.append(place)
 
 
 @lru_cache(maxsize=1)
@@ -181,19 +249,25 @@ def imported(place: str) -> Any:
     return getattr(importlib.import_module(module), name)
 
 
-def functions_for(purpose: str, folder: Path | None = None) -> Iterator[Callable[..., Any]]:
+def functions_for(
+    purpose: Purpose[P, R],
+    folder: Path | None = None,
+    *,
+    key: str = "",
+    among: Iterable[Extension] | None = None,
+) -> Iterator[Callable[P, R]]:
     """Import the functions that extensions have for a purpose, those of eqt first.
 
-    Those for the purpose ``… beside FILE`` are for results in a `folder` that has this file.
+    Those that are named ``beside`` a file are for results in a `folder` that has this file.
     """
-    for extension in usable():
-        for name, place in extension.functions.items():
-            wanted, _, file = name.partition(" beside ")
-            if wanted == purpose and not (file and folder and not (folder / file).exists()):
-                yield imported(place)
+    for extension in usable() if among is None else among:
+        for place in extension.functions:
+            absent = place.beside and folder and not (folder / place.beside).exists()
+            if place.purpose is purpose and place.key == key and not absent:
+                yield imported(place.function)
 
 
-def function_for(purpose: str) -> Callable[..., Any]:
+def function_for(purpose: One[P, R]) -> Callable[P, R]:
     """Import the function for what one extension of eqt does, such as ``compare --measured``.
 
     Raises
@@ -201,10 +275,9 @@ def function_for(purpose: str) -> Callable[..., Any]:
     ComponentError
         If the extension was removed.
     """
-    for extension in shipped():
-        if purpose in extension.functions:
-            return imported(extension.functions[purpose])
-    raise ComponentError(f"{purpose}: its extension is not installed; install eqt again")
+    for function in functions_for(purpose, among=shipped()):
+        return function
+    raise ComponentError(f"{purpose.name}: its extension is not installed; install eqt again")
 
 
 # Modules with many names, each imported when it is used -------------------------------------------

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.main import get_group
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, EqtWarning, suggestion
 from eqt_cli.base.extensions import (
     COMPUTE,
@@ -95,7 +96,7 @@ def _typed_value(parameter: Any) -> str:
 def _hint(typed: str, context: Any) -> str:
     """Suggest an option or command similar to the unknown one."""
     if not typed.startswith("-"):
-        lead = "".join(hint(typed) for hint in functions_for("command for a word"))
+        lead = "".join(hint(typed) for hint in functions_for(purposes.command_for_a_word))
         return lead or suggestion(typed, getattr(context.command, "commands", {}))
     value = typed.lstrip("-")
     for parameter in context.command.params:  # a format typed as an option, such as --latex

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.cli import completion, options, output
@@ -167,7 +168,7 @@ def compare(
                 "--measured compares with a recording; leave --metric, --window and other tables "
                 "out"
             )
-        explained = function_for("compare --measured")(
+        explained = function_for(purposes.compare_measured)(
             result,
             measured,
             mapping,
@@ -177,7 +178,7 @@ def compare(
             point=point,
             units=unit or (),
         )
-        tell = function_for("findings on a recording")
+        tell = function_for(purposes.findings_on_a_recording)
         shown = _Findings(*tell(explained, measured, write, table is TableName.ALL))
     else:
         options.require_measured(mapping, log_format, run)
@@ -220,7 +221,9 @@ def _pooled(
         )
     with open_at(path) as result:
         of = chosen["metrics"], chosen["controllers"]
-        return _Findings(*function_for("compare --pooled")(result, how, write, *of, negligible))
+        return _Findings(
+            *function_for(purposes.compare_pooled)(result, how, write, *of, negligible)
+        )
 
 
 class _Findings(NamedTuple):
@@ -311,7 +314,7 @@ def _of_whole(
         result = opened.in_units(chosen["units"])
         of = chosen["metrics"], chosen["controllers"]
         if not narrowed and table in (None, TableName.FRONTS):
-            for answers in functions_for("answer of compare", result.path.parent):
+            for answers in functions_for(purposes.answer_of_compare, result.path.parent):
                 if answer := answers(result, how, write, *of):
                     return _Findings(*answer)
         if not result.is_sweep:

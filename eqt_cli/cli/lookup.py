@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
-from eqt_cli.base.extensions import all_kinds, function_for, functions_for, imported
+from eqt_cli.base.extensions import all_kinds, function_for, functions_for
 from eqt_cli.base.extensions import shipped as shipped_extensions
 from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import load_plugin, registry, summary
@@ -82,7 +83,7 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
 
     components = _of_name(name)
     of_words, more = dict[str, Any](), list[Any]()
-    for tell in functions_for("meaning of a word"):
+    for tell in functions_for(purposes.meaning_of_a_word):
         of_words, more = tell(name, {component.name for component in components.values()})
     if not components and not more:
         names = [
@@ -261,7 +262,7 @@ def _text_of(
         return first_file(vehicle, of_body["--mass"], moments, bandwidth), vehicle, []
     if first != "--bandwidth":
         raise EqtError(f"{first}: the file has these numbers; leave this option out")
-    file, read = Path(str(source)), function_for("config new --from a vehicle file")
+    file, read = Path(str(source)), function_for(purposes.vehicle_file)
     text, facts = read(file, bandwidth=bandwidth, kind=vehicle, **wanted)
     return text, file.name.partition(".")[0], facts
 
@@ -315,7 +316,7 @@ def check(
         untried = rehearse(checked, solves=True)
         # Extensions check sections of their own; each function takes the document, and raises a
         # `ConfigError` with what is wrong in it.
-        for check_sections in functions_for("check of a configuration"):
+        for check_sections in functions_for(purposes.check_of_a_configuration):
             check_sections(document)
     except ConfigError as error:
         if not json:
@@ -341,7 +342,7 @@ def check(
         needed += [f"measured without errors: {exact}"]
     said = [*_skipped_ticks(experiment), *needed, *(f"reference: {x}" for x in jumps), *untried]
     # What the numbers of an experiment mean: each function yields tables and lines.
-    meanings = functions_for("meaning of an experiment")
+    meanings = functions_for(purposes.meaning_of_an_experiment)
     meant = [piece for meaning in meanings for piece in meaning(experiment, shown)]
     answer = {
         "config": str(config),
@@ -418,6 +419,5 @@ def schema() -> None:
 
 
 # Of eqt's own: this is read before others' extensions are, and told about them once.
-for extension in shipped_extensions():
-    if "commands of eqt config" in extension.functions:
-        imported(extension.functions["commands of eqt config"])(app)
+for add_to in functions_for(purposes.commands_of_config, among=shipped_extensions()):
+    add_to(app)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import functions_for
@@ -68,7 +69,9 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     if result.described.exact:
         lines.append(f"exact    {result.described.exact}: no sensor measures it with errors")
     lines += [
-        f"solver   {x}" for tell in functions_for("remarks on a result") for x in tell(result)
+        f"solver   {x}"
+        for tell in functions_for(purposes.remarks_on_a_result)
+        for x in tell(result)
     ]
     doubts, failures = [*_doubts(result)], [*_failures(result)] if result.status.any() else []
     output.print_text(*lines)

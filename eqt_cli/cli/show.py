@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FILE_NAME
@@ -75,7 +76,7 @@ def show(
     if diagram or out:
         if not diagram:
             raise EqtError("--out: applies to --diagram only; print the rest to a file by > FILE")
-        function_for("show --diagram")(result, out, point, trust_plugins)
+        function_for(purposes.show_diagram)(result, out, point, trust_plugins)
         return
     laws, is_of_runs = controller or [], failures or run is not None
     if laws and not (export or is_of_runs):
@@ -85,8 +86,8 @@ def show(
         (plugins, _plugins),
         (variables, _variables),
         (failed, _failed),
-        (failures, partial(_by_extension, "--failures", (laws,))),
-        (run is not None and not export, partial(_by_extension, "--run", (run, laws))),
+        (failures, partial(_failures, laws)),
+        (run is not None and not export, partial(_run, run or 0, laws)),
     )
     view = next((view for flag, view in views if flag), None)
     if export and (table or json or view):
@@ -105,7 +106,7 @@ def show(
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:
-            function_for("show --export")(opened, export, laws, run or 0)
+            function_for(purposes.show_export)(opened, export, laws, run or 0)
             output.say(f"run {run or 0} is in {export}")
         elif table:
             print_table(results, table, format_ or FORMATS[0])
@@ -194,8 +195,12 @@ def _summary(results: Result, json: bool) -> None:
         output.print_text(*(f"remark   {text}" for text in remarked))
 
 
-def _by_extension(option: str, arguments: tuple[object, ...], results: Result, json: bool) -> None:
-    function_for(f"show {option}")(results, *arguments, json=json)
+def _failures(laws: list[str], results: Result, json: bool) -> None:
+    function_for(purposes.show_failures)(results, laws, json=json)
+
+
+def _run(run: int, laws: list[str], results: Result, json: bool) -> None:
+    function_for(purposes.show_run)(results, run, laws, json=json)
 
 
 def _config(results: Result, json: bool) -> None:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import Tag
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.extensions import function_for
@@ -425,7 +426,7 @@ def read_starts(
     """
     plain = plain_poses(text, name, G, mapping, ([], *velocity_columns(G)))
     if plain is None:
-        return function_for("initial.file")(text, name, G, mapping)
+        return function_for(purposes.initial_file)(text, name, G, mapping)
     table, poses, velocity = plain
     return poses, row_velocities(table, velocity, G, mapping) if velocity else None, ()
 
@@ -483,7 +484,7 @@ class InFile:
         if plain and len(plain[0]) > 1 and np.all(np.diff(plain[0].columns["t"]) > 0):
             identity = np.eye(G.size)  # as the default `origin` and `sensor`, to the bit
             return plain[0].columns["t"], identity @ plain[1] @ G.inverse(identity)
-        log = function_for("log in a file")(self, G)
+        log = function_for(purposes.log_in_a_file)(self, G)
         return log.times, log.moved_poses
 
     def check_file(self, problems: Problems, use: Callable[[], Any]) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.extensions import function_for, functions_for
@@ -87,7 +88,7 @@ class WaypointsReference(InFile, PiecewiseReference):
                 f"after {times[row]:g} s"
             )
         if self.smoothing is not None:
-            poses = function_for("reference.smoothing")(self, G).poses
+            poses = function_for(purposes.reference_smoothing)(self, G).poses
         points = self.points or (Waypoint(0.0, None),)
         return spline(G, times, poses, (points[0].velocity, points[-1].velocity))
 
@@ -105,7 +106,7 @@ class WaypointsReference(InFile, PiecewiseReference):
 
         A function for `remarks on waypoints` takes the reference and the group, and yields texts.
         """
-        for remarks in functions_for("remarks on waypoints"):
+        for remarks in functions_for(purposes.remarks_on_waypoints):
             yield from remarks(self, G)
         times, poses = self.waypoints(G)
         still = np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)) <= EQUAL

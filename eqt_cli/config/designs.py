@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, Tag
 from pydantic_core import core_schema
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
 from eqt_cli.base.extensions import function_for
@@ -653,7 +654,9 @@ class Sweep(Design):
                 f"has no design; add one, such as {{grid: {{w: [1, 2]}}}}, to {shown(section)}"
             )
         at_places = {(index,): entry for index, entry in rules.items()}
-        of_rules = function_for("rules of a sweep")(at_places, seen, problems) if rules else None
+        of_rules = (
+            function_for(purposes.rules_of_a_sweep)(at_places, seen, problems) if rules else None
+        )
         sweep = cls(list(blocks.values()), section, rules=of_rules)
         return None if problems else counted(sweep, problems)
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from eqt_cli.base import yaml_source
+from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.errors import (
     ComponentError,
     ConfigError,
@@ -174,7 +174,7 @@ def overridden(document: Document, overrides: Sequence[str] | Mapping[str, str])
     """
     problems: list[InputProblem] = []
     if EXTENDS in document.data:
-        document = function_for(EXTENDS)(document)
+        document = function_for(purposes.extends)(document)
     if not isinstance(overrides, Mapping):
         overrides = {f"overrides[{index}]": text for index, text in enumerate(overrides)}
     for place, override in overrides.items():
@@ -454,7 +454,7 @@ def data_file(home: Place, name: str, reader: str = "") -> str:
         else:
             relative = "paths are relative to the configuration's folder"
             smaller = "keep the rows and columns that the configuration needs"
-            read = next(functions_for("text of a recording"), text_of)
+            read = next(functions_for(purposes.text_of_a_recording), text_of)
             text = read(path, relative, InputError, limit=DATA_BYTES, smaller=smaller)
         home.files[name] = text
     return home.files[name]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import EqtWarning, InputError, InputProblem, KeyPath, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
@@ -81,7 +82,7 @@ def _noted(experiment: Experiment, shown: Horizon | None, runs: bool) -> list[In
         *limits_below_reference(experiment, shown),
     ]
     # Each function takes the experiment and its reference, and yields places and texts.
-    for more in functions_for("remarks on an experiment"):
+    for more in functions_for(purposes.remarks_on_an_experiment):
         placed += more(experiment, shown)
     # A constant of another unit explains what is said of the whole actuator.
     explained = {key[:-1] for key, _ in placed if key[-1] == "thrust_constant"}

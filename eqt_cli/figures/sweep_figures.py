@@ -14,6 +14,7 @@ from pydantic import Field
 
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map, front
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import function_for
 from eqt_cli.figures.cells import (
@@ -361,7 +362,7 @@ class Settled(OfSweep):
         percent = 100 * shares(swept.settled(self.by).astype(float))
         share, low, high = np.moveaxis(percent, -1, 0)
         if self.certified:
-            swept.remarks += function_for("--option certified")(swept, self.certified)
+            swept.remarks += function_for(purposes.figure_certified)(swept, self.certified)
         if len(axes) == 1:
             swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
             swept.note = f"95 % intervals, {swept.count}"

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import CountOrNone
@@ -550,7 +551,7 @@ class Commands(Panelled, OverTime):
         if self._signal in ("torque", LAW_OUTPUT) or len(chosen) <= _FEW:
             return None
         limited = all(runs.limits(e, self.run, self._signal) is not None for e in runs.shown)
-        draws = functions_for("figure of loads") if limited else ()
+        draws = functions_for(purposes.figure_of_loads) if limited else ()
         return next((draw(runs, width, chosen, self._signal, self.run) for draw in draws), None)
 
     def _rows(self, runs: ShownRuns) -> dict[str, str]:

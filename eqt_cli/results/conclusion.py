@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import TextTable
 from eqt_cli.base.stored import CASE
@@ -67,7 +68,7 @@ def conclusion_of(result: Result) -> Conclusion:
     Extensions have functions for the purpose ``conclusion of a result``. Each takes an open result
     and returns a `Conclusion`, or None for results that its commands did not make.
     """
-    functions = functions_for("conclusion of a result", result.path.parent)
+    functions = functions_for(purposes.conclusion_of_a_result, result.path.parent)
     return next(filter(None, (conclude(result) for conclude in functions)), Conclusion())
 
 

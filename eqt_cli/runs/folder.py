@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base import files
+from eqt_cli.base import files, purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import (
     OTHER_FOLDER,
@@ -625,7 +625,7 @@ def _laws(study: Study) -> dict[str, Variable]:
 
 def further_variables(study: Study) -> dict[str, Variable]:
     """Return the variables that extensions add."""
-    of_extensions = functions_for("variables of a result")
+    of_extensions = functions_for(purposes.variables_of_a_result)
     return {name: x for variables in of_extensions for name, x in variables(study).items()}
 
 

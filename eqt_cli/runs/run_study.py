@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
 from eqt_cli.base.extensions import function_for
@@ -136,16 +137,16 @@ def execute(
         session = Session(study, folder, chosen)
         grow |= not force and MOVING in folder.manifest
         if grow and not complete and folder.results.exists():
-            return function_for("run --grow")(session, drops=force)
+            return function_for(purposes.run_grow)(session, drops=force)
         if complete or (rerun_failed and folder.results.exists()):
-            return function_for("run --rerun-failed")(session)
+            return function_for(purposes.run_rerun_failed)(session)
         if rerun_failed:  # parts whose runs all failed are computed as a whole
             for number, entry in session.files.listed().items():
                 if entry.failed == study.plans.runs_of(number):
                     entry.path.unlink()
         done = session.run(force, shard)
         again = rerun_failed and done.failed and done.packed
-        return function_for("run --rerun-failed")(session) if again else done
+        return function_for(purposes.run_rerun_failed)(session) if again else done
 
 
 def _lock_of(shard: Shard, out: Path, parts: int) -> AbstractContextManager[None]:

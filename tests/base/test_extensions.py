@@ -20,7 +20,8 @@ from eqt_cli import api
 print({"fit", "verify", "tune"} & {*api.__all__}, "compare" in api.__all__)
 from eqt_cli import extend
 print("Certificate" in extend.__all__, "Claim" in extend.__all__)
-function_for("compare --measured")
+from eqt_cli.base import purposes
+function_for(purposes.compare_measured)
 """
 
 FILES = """

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from eqt_cli.base import purposes
 from eqt_cli.base.option_types import DENSITY, MEASURED, WALK, UnitPlace
 from eqt_cli.base.units import factor
 from eqt_cli.components.groups import MatrixLieGroup
@@ -25,6 +26,7 @@ LARGEST = {
 """What no usual sensor exceeds, by unit, and the unit of data sheets."""
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: object) -> Iterator[tuple[Any, str]]:
     """Yield numbers without a unit that are larger than those of sensors."""
     for place, sensors in (experiment.document.data.get("sensors") or {}).items():

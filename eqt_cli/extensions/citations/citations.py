@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from eqt_cli.api.loading import ResultPath
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import ComponentError, EqtWarning
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import reporter
@@ -62,7 +63,7 @@ def cite(result: ResultPath | None = None) -> str:
     @misc{hampsey2025equivariant,
     """
     kinds, more = list[str](), list[str]()
-    others = [] if result is None else list(functions_for("citations", Path(result)))
+    others = [] if result is None else list(functions_for(purposes.citations, Path(result)))
     for cited in others:
         of_folder, entries_of_folder = cited(Path(result or ""))
         kinds, more = [*kinds, *of_folder], [*more, *entries_of_folder]

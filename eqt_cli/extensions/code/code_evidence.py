@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, least_squares
 from eqt_cli.base.reporting import fixed
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
@@ -450,17 +450,6 @@ def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) ->
     if np.abs(left).max() > COARSE["double"].left * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
     return columns, expected
-
-
-def least_squares(columns: Arrays, torque: Array) -> dict[str, float]:
-    """Return the least-squares coefficients of the columns with the smallest norm."""
-    if not columns:
-        return {}
-    matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
-    sizes = np.linalg.norm(matrix, axis=0)
-    sizes[sizes == 0] = 1.0
-    shares = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
-    return dict(zip(columns, shares.tolist(), strict=True))
 
 
 # Limits that follow a law -------------------------------------------------------------------------

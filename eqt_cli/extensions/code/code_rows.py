@@ -1,5 +1,7 @@
 """Compares laws in C with the laws that they claim to be: rows for `eqt verify`."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli import extend  # whose certificates are there where somebody asks for these rows
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.actuators import THRUSTS
@@ -30,9 +34,6 @@ from eqt_cli.extensions.code.code_evidence import (
     in_parts,
     limits,
 )
-from eqt_cli.extensions.code.user_code import described
-from eqt_cli.extensions.proofs.certificates import Row, Verdict
-from eqt_cli.extensions.proofs.exact import UNIT, lifted, value_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
@@ -54,7 +55,7 @@ ARRANGED = 8.0
 MEMORY_ROUNDINGS = 1e3
 """Rounding errors of the largest entry of a memory that a period may add."""
 
-ROUNDOFF = {"double": UNIT, "float": 2.0**-24}
+ROUNDOFF = {"double": 2.0**-53, "float": 2.0**-24}
 """Relative rounding error of one operation."""
 
 
@@ -89,11 +90,15 @@ class Judged:
         """The law in code."""
         return self.loop.controller
 
-    def row(self, name: str, verdict: Verdict, words: list[str], *sizes: float) -> Row:
+    def row(
+        self, name: str, verdict: extend.Verdict, words: list[str], *sizes: float
+    ) -> extend.Row:
         """Return a row about the code; of a difference, with its size and its bound."""
         code, (measured, bound) = self.law.code, sizes or (None, None)
         statement = f"{code.file}: {code.function}"
-        return Row(name, statement, "code", self.label, measured, bound, verdict, "; ".join(words))
+        return extend.Row(
+            name, statement, "code", self.label, measured, bound, verdict, "; ".join(words)
+        )
 
     def watched(self, states: States) -> Watched:
         """Return torque and outcomes at states, from the code that keeps its outcomes."""
@@ -177,7 +182,7 @@ class Judged:
                 return f"{share}, all of them where {words}"
         first = states.of(np.flatnonzero(wrong)[:1])
         row = self.law.reading(self.loop.group, first.inputs, self.law.called.code)[0]
-        return f"{share}, for example at {described(self.law.called, row)}"
+        return f"{share}, for example at {self.law.called.in_words(row)}"
 
 
 def code_rows(
@@ -186,7 +191,7 @@ def code_rows(
     horizon: float,
     random: np.random.Generator,
     flown: tuple[Array, Array] | None,
-) -> list[Row]:
+) -> list[extend.Row]:
     """Check a law that is code.
 
     Parameters
@@ -198,7 +203,11 @@ def code_rows(
     if law.object_:  # it answers in the order of time
         words = "undecided: `object: per run` cannot be called at random states"
         statement = f"{law.file}: {law.code.function}"
-        return [Row("torque", statement, "code", label, None, None, Verdict.UNDECIDED, words)]
+        return [
+            extend.Row(
+                "torque", statement, "code", label, None, None, extend.Verdict.UNDECIDED, words
+            )
+        ]
     drawn = drawn_states(loop, horizon, random)
     along = None
     if flown is not None and len(flown[1]):
@@ -211,7 +220,8 @@ def code_rows(
     return [*_finite(judged), *_repeatable(judged), *_compared(judged)]
 
 
-def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
+@purposes.answers_on_code
+def answers(rows: Iterable[extend.Row], experiment: Any) -> Iterator[dict[str, str]]:
     """Yield of each law in code whether it is the law that it claims to be, in a sentence.
 
     Its finding is ``is``, ``lacks`` (some terms, and nothing else is wrong), ``differs``, or
@@ -222,8 +232,8 @@ def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
         law, said = experiment.loops[label].controller, dict[bool, list[str]]({True: [], False: []})
         name = law.formula.name if law.formula else ""
         for row in of_code:
-            if row.controller == label and row.verdict is not Verdict.HOLDS:
-                said[row.verdict is Verdict.FAILS] += filter(None, [row.remark])
+            if row.controller == label and row.verdict is not extend.Verdict.HOLDS:
+                said[row.verdict is extend.Verdict.FAILS] += filter(None, [row.remark])
                 name = name or row.name.partition(NEAREST)[2]
         words = "; ".join(said[True] + ([] if law.formula and said[True] else said[False]))
         # A coefficient of 0.00 is that of a term that is lacking.
@@ -252,7 +262,7 @@ NEAREST = "torque of the nearest law, "
 # Finite torques that depend only on the inputs ----------------------------------------------------
 
 
-def _finite(judged: Judged) -> Iterator[Row]:
+def _finite(judged: Judged) -> Iterator[extend.Row]:
     """Check that the torque is finite at half turns and without an error."""
     loop, G = judged.loop, judged.loop.group
     m = G.dimension
@@ -272,11 +282,11 @@ def _finite(judged: Judged) -> Iterator[Row]:
     words = [f"{places[k]}: {torque[k].tolist()}" for k in np.flatnonzero(bad)]
     if bad.any() and not finite[bad].all():
         words.append("the law is not finite there either")
-    verdict = Verdict.FAILS if np.any(bad & finite) else Verdict.HOLDS
+    verdict = extend.Verdict.FAILS if np.any(bad & finite) else extend.Verdict.HOLDS
     yield judged.row("finite torque at half turns and without an error", verdict, words)
 
 
-def _repeatable(judged: Judged) -> Iterator[Row]:
+def _repeatable(judged: Judged) -> Iterator[extend.Row]:
     """Check that the code keeps no state of its own, and depends on its inputs alone.
 
     Whatever is static and can be written is named. What is not, such as memory without a value,
@@ -293,7 +303,7 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     )
     state, words = judged.law.called.static_state, ""
     variables, functions = state or ([], [])
-    verdict = Verdict.FAILS if variables or not same else Verdict.HOLDS
+    verdict = extend.Verdict.FAILS if variables or not same else extend.Verdict.HOLDS
     if variables:
         words = (
             f"it keeps {', '.join(variables)} from call to call; put it into memory, or make it "
@@ -303,10 +313,10 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
         words = "it reads something that is neither input nor memory, as a variable without a value"
     elif state is None:
         words = "undecided: eqt cannot read the symbols that this compiler writes; install nm"
-        verdict = Verdict.UNDECIDED
+        verdict = extend.Verdict.UNDECIDED
     elif functions:
         words = f"undecided: it calls {', '.join(functions)}, which may keep a state"
-        verdict = Verdict.UNDECIDED
+        verdict = extend.Verdict.UNDECIDED
     yield judged.row("equal inputs give equal torques", verdict, [words])
 
 
@@ -318,7 +328,7 @@ NO_NUMBER = (
 # Against the law ----------------------------------------------------------------------------------
 
 
-def _compared(judged: Judged) -> Iterator[Row]:
+def _compared(judged: Judged) -> Iterator[extend.Row]:
     """Compare the torque and the memory with those of the law that the code claims to be."""
     loop, law = judged.loop, judged.loop.controller.formula
     if law is None:
@@ -337,9 +347,9 @@ def _compared(judged: Judged) -> Iterator[Row]:
         memories = {name: states.memory[name] for name in law.memory(loop.group)}
         question = Question(formula, states.inputs, memories, bool(judged.law.adapter))
         differences = _differences(question, torque, code.real)
-        words, verdict = [], Verdict.HOLDS
+        words, verdict = [], extend.Verdict.HOLDS
         if differences.wrong.any():
-            verdict = Verdict.FAILS
+            verdict = extend.Verdict.FAILS
             if not is_described:  # runs show less of a law than random states
                 words, is_described = (
                     _description(judged, states, question, torque, differences),
@@ -348,23 +358,23 @@ def _compared(judged: Judged) -> Iterator[Row]:
         elif place == "at random states":
             words = _reach(judged)
             undecided = judged.never or not (judged.is_watched or code.is_python)
-            verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
+            verdict = extend.Verdict.UNDECIDED if undecided else extend.Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
         yield judged.row(name, verdict, words, differences.measured, differences.bound)
         if memories and place == "at random states" and loop.vehicle.control is not None:
             yield from _memory_rows(judged, question, memory, code.real)
 
 
-def _unclaimed(judged: Judged) -> Row:
+def _unclaimed(judged: Judged) -> extend.Row:
     """Compare code that claims nothing with the shipped law that is nearest."""
     loop, states, real = judged.loop, judged.states, judged.law.code.real
     torque, _ = loop.answer(*states, loop.period)
     if loop.controller.commands == THRUSTS:
         words = ["it commands thrusts, as no law of eqt does; compare the torque before its mixer"]
-        return judged.row("torque of the law", Verdict.UNCLAIMED, words)
+        return judged.row("torque of the law", extend.Verdict.UNCLAIMED, words)
     if loop.controller.reads_flat_output or not np.isfinite(torque).all(axis=1).any():
         words = ["name the law that it claims to be with `as`"]
-        return judged.row("torque of the law", Verdict.UNCLAIMED, words)
+        return judged.row("torque of the law", extend.Verdict.UNCLAIMED, words)
     still = states._replace(memory={name: 0 * z for name, z in states.memory.items()})
     without, signs = loop.answer(*still, loop.period)[0], limits(loop.group, torque)
 
@@ -378,7 +388,7 @@ def _unclaimed(judged: Judged) -> Row:
     words = [f"undecided: {'; '.join(judged.never)}"] if judged.never else []
     if differences.wrong.any():
         words = _description(judged, states, law, torque, differences)
-    return judged.row(f"{NEAREST}{law.loop.controller.name}", Verdict.UNCLAIMED, words)
+    return judged.row(f"{NEAREST}{law.loop.controller.name}", extend.Verdict.UNCLAIMED, words)
 
 
 def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
@@ -459,7 +469,7 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     `BOUNDED` states have bounds of their own, and those whose difference is larger, relative to the
     torque, than the least bound of these, which is the bound of all others.
     """
-    law, worse = question.torque(), ROUNDOFF[real] / UNIT
+    law, worse = question.torque(), ROUNDOFF[real] / ROUNDOFF["double"]
     difference = np.abs(torque - law)
     difference = np.where(np.isnan(difference) & np.isfinite(law), np.inf, difference)
     size = np.abs(law).max(axis=-1, keepdims=True)
@@ -481,7 +491,7 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     if not ratio.any():
         place = np.unravel_index(usable.argmax(), ratio.shape)
     wrong = np.any(usable & ~(difference <= bound), axis=-1)
-    coarse = bound / ARRANGED / worse * (ROUNDOFF["float"] / UNIT)
+    coarse = bound / ARRANGED / worse * (ROUNDOFF["float"] / ROUNDOFF["double"])
     by_float = bool((difference <= coarse)[usable].all())
     return _TorqueDifferences(wrong, float(difference[place]), float(bound[place]), by_float)
 
@@ -494,13 +504,13 @@ def _rounding(question: Question, where: Array) -> Array:
         values = np.asarray(values, dtype=float)
         # Each entry of a rotated vector, or of a quaternion, is a sum of all of them.
         size = np.abs(values).max(tuple(range(1, values.ndim * mixed)), keepdims=True)
-        return lifted(values, UNIT * size * np.ones_like(values))
+        return extend.lifted(values, ROUNDOFF["double"] * size * np.ones_like(values))
 
     bounded = with_leaves(loop, {path: inexact(values) for path, values in leaves(loop).items()})
     inputs = question.inputs.mapped(lambda part: inexact(np.asarray(part)[where], question.adapted))
     memory = {name: inexact(values[where]) for name, values in question.memory.items()}
     with np.errstate(all="ignore"):
-        _, errors = value_of(bounded.answer(inputs, memory, loop.period)[0])
+        _, errors = extend.value_of(bounded.answer(inputs, memory, loop.period)[0])
     return np.asarray(errors)
 
 
@@ -590,7 +600,9 @@ def _of_memory(judged: Judged, states: States, question: Question, real: str) ->
     return words
 
 
-def _memory_rows(judged: Judged, question: Question, memory: Arrays, real: str) -> Iterator[Row]:
+def _memory_rows(
+    judged: Judged, question: Question, memory: Arrays, real: str
+) -> Iterator[extend.Row]:
     """Check that the memory changes over a period, and begins, as that of the law."""
     loop, period = question.loop, judged.loop.period
     of_loop = loop.group, loop.inertia, loop.gains
@@ -631,5 +643,5 @@ def _memory_rows(judged: Judged, question: Question, memory: Arrays, real: str) 
                 advance = (few, dict.fromkeys(few, 1.0)), value[:ENOUGH]
                 said = in_parts(*advance, Tolerance(near, 10 * near)).words
                 words += [f"its {name} {x}" for x in said.split("; ") if not x.startswith("the")]
-        verdict = Verdict.FAILS if words else Verdict.HOLDS
+        verdict = extend.Verdict.FAILS if words else extend.Verdict.HOLDS
         yield judged.row(f"memory of {loop.controller.title} {when}", verdict, words, *worst)

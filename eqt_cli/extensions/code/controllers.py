@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
@@ -131,7 +132,7 @@ class Signal(Keys):
         name, part, where, eqt_frame = self._place(G, x)
         whole = np.array(getattr(x, name))
         if not eqt_frame:
-            value = self._rotation(value)
+            value = self.rotation(value)
             where = where if value.shape == whole.shape else (..., *part.entries)
         else:
             value = turned(G, x, value / self.factor, self.frame or eqt_frame, eqt_frame)
@@ -166,7 +167,8 @@ class Signal(Keys):
         unit = "rad" if self.as_ == "roll-pitch-yaw" else unit
         return ", ".join([self.unit or unit, *self.signal.split(".")[1:], *said])
 
-    def _rotation(self, value: Array) -> Array:
+    def rotation(self, value: Array) -> Array:
+        """Return the rotation that code has as a value."""
         if self.as_ == "roll-pitch-yaw":
             return matrix_groups.rotation_of_euler("xyz", value / self.factor)
         if self.as_.startswith("quaternion"):  # of any length
@@ -268,6 +270,12 @@ class Output(Signal):
         return c0 + (c1 + c2 * y) * y
 
 
+@purposes.signal_of_code
+def signal_of_code(**keys: Any) -> Signal:
+    """Return a signal by its keys."""
+    return Signal(**keys)
+
+
 def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None) -> Array:
     """Return vectors of one frame in another one; numbers stay as they are."""
     block: Any = next((part.entries for part in G.parts if part.turns), None)
@@ -315,9 +323,10 @@ BESIDE = ".adapter.yaml"
 """Ending of the adapter next to ours.py, ``ours.adapter.yaml``."""
 
 
-def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | None:
+@purposes.adapter_of_code
+def adapter_of(file: Path, G: MatrixLieGroup) -> Adapter | None:
     """Return the adapter in a file, for C; raises an `EqtError` where it is none."""
-    adapter = adapter_in(Path(file), G, {"kind": "code", "file": "law"})
+    adapter = adapter_in(file, G, {"kind": "code", "file": "law"})
     if adapter and adapter.output.order:
         raise InputError(f"{file}: output.order: is for laws that fly; export all of a torque")
     return adapter
@@ -846,6 +855,7 @@ PERIOD = 0.01
 """Control period for trying out a function, s."""
 
 
+@purposes.verify_code
 def with_code(document: Document, code: str, claimed: str | None, adapter: Path | None) -> Document:
     """Return the configuration with a law in code as its only controller.
 

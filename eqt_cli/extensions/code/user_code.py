@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtWarning, InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
@@ -549,6 +550,14 @@ class CodeFunction:
     fills: bool = False
     is_watched: bool = False
 
+    def in_words(self, row: Array) -> str:
+        """Return an input in words, with numbers that can be copied."""
+        words, numbers = [], iter(row)
+        for name, length in self.code.inputs.items():
+            listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
+            words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
+        return ", ".join(words)
+
     @property
     def processes(self) -> Pool:
         """The processes in which it is called."""
@@ -616,7 +625,7 @@ class CodeFunction:
         for row, words in lost.items():
             if begins and not self.code.is_python:
                 words = words.replace(self.code.function, f"{self.code.prefix}_start", 1)
-            raise InputError(f"{words or GONE} at {described(self, inputs[row])}; {CALL_IT}")
+            raise InputError(f"{words or GONE} at {self.in_words(inputs[row])}; {CALL_IT}")
         return torques, later
 
     def time_of(self, numbers: Array, period: float, memory: Array, inputs: Array) -> float:
@@ -664,7 +673,7 @@ class CodeFunction:
         """Say once at which input a call was lost in a run."""
         for row, words in lost.items():
             if words and self.processes.is_first_loss():
-                at = described(self, inputs[row])
+                at = self.in_words(inputs[row])
                 remark = f"{words} at {at}: its run ends there, and the others go on"
                 reporter().remark(EqtWarning(remark, Remedy(CALL_IT)))
 
@@ -799,15 +808,6 @@ def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
 # The first calls, and those of a law in Python ----------------------------------------------------
 
 
-def described(function: CodeFunction, row: Array) -> str:
-    """Return an input in words, with numbers that can be copied."""
-    words, numbers = [], iter(row)
-    for name, length in function.code.inputs.items():
-        listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
-        words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
-    return ", ".join(words)
-
-
 def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
     """Call a function at some inputs, one after the other.
 
@@ -895,3 +895,47 @@ def called(
     pool = Pool(law, Limits(LIFE, memory, file=0))
     lengths = {name: math.prod(shape) for name, shape in pool.memory.items()}
     return PythonFunction(code, lengths, pool)
+
+
+@purposes.function_in_python
+def function_in_python(
+    file: str,
+    function: str,
+    text: str,
+    arguments: Mapping[str, Array],
+    *,
+    call: str,
+    result: str,
+    returns: int,
+    period: float,
+) -> CodeFunction:
+    """Return a function of a text in Python after its first call, without numbers and memory.
+
+    Parameters
+    ----------
+    file, function
+        Names, for messages.
+    arguments
+        What the call may name, of the first call: rows with their shapes.
+    call, result
+        Expressions in Python: of the arguments, and of what the call returns, as `result`.
+    returns
+        Number of numbers in the result.
+    period
+        Seconds between two calls.
+    """
+    code = UserCode(
+        file=file,
+        prefix=function,
+        numbers=(),
+        memory=(),
+        real="double",
+        text=text,
+        entries=0,
+        axes=returns,
+        returns=returns,
+        adapted=tuple((name, value.shape[1:]) for name, value in arguments.items()),
+    )
+    rows = np.hstack([value.reshape(len(value), -1) for value in arguments.values()])
+    how = {"call": call, "torque": result, "per_run": False, "repeats": False}
+    return called(code, np.empty(0), period, rows, how)

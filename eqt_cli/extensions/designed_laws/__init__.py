@@ -1,5 +1,6 @@
 """Laws for their plant: LQR, the equivariant regulator, and laws that reject disturbances."""
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import Extension
 
 
@@ -7,7 +8,7 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     for name in ("l1", "super_twisting", "geometric_adaptive"):
         extension.add_component("controllers", name, name)
-    extension.add_function("remarks on an experiment", "staying.remarks")
+    extension.add_function(purposes.remarks_on_an_experiment, "staying.remarks")
     for name in ("lqr", "eqr"):
         extension.add_component("controllers", name, "lqr")
     for name in ("indi", "observer"):

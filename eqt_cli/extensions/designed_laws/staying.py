@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import norm
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.base.registry import is_foreign
@@ -20,6 +21,7 @@ APART = 1e-6
 1 m: a root of a rounding error is 1e-8."""
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[KeyPath, str]]:
     """Yield own laws whose torque on the reference is not the one that drives it."""
     for label, loop in experiment.loops.items():

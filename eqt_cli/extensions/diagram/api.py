@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eqt_cli.api.loading import Configuration, document_from, experiment_at
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.yaml_source import flow
@@ -115,6 +116,7 @@ def diagram(
     return LoopDiagram(diagram_of(study.base, study.sweep.keys if study.sweep else ()))
 
 
+@purposes.diagram_of_a_report
 def of_result(result: Result, trust_plugins: bool) -> str:
     """Return the diagram of an open result as a part of a page.
 

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+from eqt_cli.base import purposes
 from eqt_cli.cli import output
 from eqt_cli.extensions.diagram.api import diagram
 
 
+@purposes.show_diagram
 def show(config: Path, out: Path | None, point: int | None, trust_plugins: bool) -> None:
     """Print the diagram, or write it to a file."""
     drawn = diagram(config, point=point, trust_plugins=trust_plugins)

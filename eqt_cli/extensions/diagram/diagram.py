@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import UnitPlace, option_names, plain_data
 from eqt_cli.components.laws import Controller
@@ -107,7 +108,7 @@ def diagram_of(experiment: Experiment, swept: Sequence[str] = ()) -> Diagram:
         boxes = {name: stages_of[stage] for name, stages_of in of_law.items()}
         stages[stage] = _lanes(boxes) if stage == LAW else [Lane((), _merged(boxes))]
     # Other extensions draw what no block is: each function yields stage, title and lines.
-    for boxes_of in functions_for("boxes of a diagram"):
+    for boxes_of in functions_for(purposes.boxes_of_a_diagram):
         for stage, title, lines in boxes_of(experiment):
             words = tuple(map(Line, lines))
             box = Drawn(title, title, words, (), (), is_ideal=False, beside=True, gives=())

@@ -14,16 +14,16 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from eqt_cli.api.loading import Configuration, experiment_at
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
-from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
 from eqt_cli.components.laws import claims
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.code.controllers import adapter_of
 from eqt_cli.extensions.export.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.export.program_error import ARITHMETICS, DOUBLE, Arithmetic
 from eqt_cli.loop.law_program import (
@@ -427,7 +427,7 @@ NAME = "README.md"
 def readme(laws: Sequence[ExportedLaw]) -> str:
     """Return the text of the README of the laws of an experiment."""
     experiment, tallies = laws[0].experiment, dict[str, str]()
-    for identities_of in functions_for("identities of laws"):  # their words by label
+    for identities_of in functions_for(purposes.identities_of_laws):  # their words by label
         tallies |= identities_of(experiment)
     return filled(
         NAME,
@@ -542,7 +542,9 @@ def export(
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers
-    by, how = ARITHMETICS[real], adapter_of(adapter, experiment.group) if adapter else None
+    by, how = ARITHMETICS[real], None
+    if adapter:
+        how = function_for(purposes.adapter_of_code)(Path(adapter), experiment.group)
     laws = exported(experiment, labels, by, reference=reference, adapter=how, workers=workers)
     texts: dict[str, str] = {}
     for law in laws:

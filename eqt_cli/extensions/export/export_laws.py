@@ -26,7 +26,6 @@ from eqt_cli.components.vehicle import ESTIMATOR, Vehicle, navigates
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_possible, law_of
-from eqt_cli.extensions.code.controllers import Adapter
 from eqt_cli.extensions.export.program_error import (
     DOUBLE,
     FLOAT,
@@ -508,7 +507,7 @@ class ExportedLaw:
     states: CheckedStates
     reference: ReferenceProgram | None
     filter: ExportedFilter | None
-    adapter: Adapter | None = None
+    adapter: Any = None
 
     @property
     def title(self) -> str:
@@ -648,7 +647,7 @@ def exported(
     by: Arithmetic,
     *,
     reference: bool = False,
-    adapter: Adapter | None = None,
+    adapter: Any = None,
     workers: int = 1,
 ) -> list[ExportedLaw]:
     """Return laws of an experiment, to be written as C, in its order.
@@ -691,7 +690,7 @@ def exported(
     return laws
 
 
-def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
+def _adapted(law: ExportedLaw, adapter: Any) -> ExportedLaw:
     """Return a law as a vehicle writes what it reads and returns.
 
     Raises

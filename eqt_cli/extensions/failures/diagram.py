@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
+from eqt_cli.base import purposes
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.loop.bounds import bounds_of
 from eqt_cli.results.quantity import Plain
 
 
+@purposes.boxes_of_a_diagram
 def boxes(experiment: Experiment) -> Iterator[tuple[str, str, list[str]]]:
     """Yield the stage, the title and the lines of the bounds at which runs end."""
     if not experiment.config.failed_when:

@@ -13,6 +13,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import parse_key
 from eqt_cli.base.option_types import POSE, VELOCITY, UnitPlace
@@ -176,6 +177,7 @@ def values_of(experiment: Experiment, numbers: list[DrawnNumber]) -> Array:
     return values
 
 
+@purposes.variables_of_a_result
 def variables(study: Study) -> dict[str, Variable]:
     """Return the drawn numbers of a study as variables of its result.
 

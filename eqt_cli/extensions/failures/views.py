@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, listed, significant
@@ -23,6 +24,7 @@ MOST_ROWS = 5
 """Most numbers that the table has of each law, beside those that differ."""
 
 
+@purposes.show_run
 def show_run(result: Result, run: int, names: Sequence[str], *, json: bool) -> None:
     """Print how a run ended under each law, what it drew, and where it starts.
 
@@ -98,6 +100,7 @@ def _ending(result: Result, controller: int, run: int) -> str:
 # Where laws fail ----------------------------------------------------------------------------------
 
 
+@purposes.show_failures
 def show_failures(result: Result, names: Sequence[str], *, json: bool) -> None:
     """Print where laws fail: an answer for each, and the numbers that differ most.
 

@@ -1,5 +1,6 @@
 """What flights say: of a model that replays or fits them, of runs, and of each other."""
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import COMPUTE, Extension
 
 
@@ -11,7 +12,7 @@ def register(extension: Extension) -> None:
     extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="compare")
     of_fit = f"{of_replay} --over plant.inertia"
     extension.add_command("fit", "commands.fit", COMPUTE, of_fit, after="replay")
-    extension.add_function("commands of eqt log", "commands.add_to")
-    extension.add_function("plot --measured", "api.read_measured")
-    extension.add_function("compare --measured", "api.compare_measured")
-    extension.add_function("findings on a recording", "measured.findings")
+    extension.add_function(purposes.commands_of_log, "commands.add_to")
+    extension.add_function(purposes.plot_measured, "api.read_measured")
+    extension.add_function(purposes.compare_measured, "api.compare_measured")
+    extension.add_function(purposes.findings_on_a_recording, "measured.findings")

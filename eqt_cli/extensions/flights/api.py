@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.analysis.gate import rules_of
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import step
 from eqt_cli.components.groups import known_group
@@ -398,3 +399,8 @@ def _with_wrench(result: Result, recording: Recording) -> Recording:
     except EqtError as error:
         note = f"the rotor speeds are not used: {error}"
     return replace(recording, notes=(*recording.notes, note))
+
+
+# As `eqt compare --measured` and `eqt plot --measured` call them.
+purposes.compare_measured(compare_measured)
+purposes.plot_measured(read_measured)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import options, output
 from eqt_cli.cli.compare import Gate, Undecided
@@ -134,6 +135,7 @@ TWO_SIDES = "new1.ulg new2.ulg --against old1.ulg old2.ulg"
 Form = StrEnum("Form", "TEXT CSV")
 
 
+@purposes.commands_of_log
 def add_to(app: typer.Typer) -> None:
     """Add the command to the group `eqt log`."""
     epilog = example("eqt log compare", TWO_SIDES)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import Block, TextTable, brief, count_of, fixed, percent
@@ -682,6 +683,7 @@ def _shares(G: MatrixLieGroup, error: Error, shown_in: ShownIn) -> Iterator[Shar
             yield Share(error.quantity, part.name, name, unit, first, second, left, share)
 
 
+@purposes.findings_on_a_recording
 def findings(
     explanations: Sequence[Explanation], measured: Path, write: Plain, whole: bool
 ) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable], list[str]]:

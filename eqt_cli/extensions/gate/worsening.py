@@ -12,12 +12,14 @@ from eqt_cli.analysis.comparison import Comparison, Pair
 from eqt_cli.analysis.comparison_tables import name_of
 from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.analysis.intervals import FEWEST, Interval, Resampling, Word
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 
 
+@purposes.compare_fail_on
 def gate(
     fail_on: Sequence[str], baseline: Result, candidate: Result, windows: Sequence[Window]
 ) -> Callable[[Comparison, Mapping[str, str]], list[Finding]]:

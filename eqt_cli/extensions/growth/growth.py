@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base import files
+from eqt_cli.base import files, purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.base.reporting import reporter
@@ -350,6 +350,7 @@ def _cut(part: StudyPart, missing: Sequence[bool]) -> Iterator[StudyPart]:
 # Growth in a folder -------------------------------------------------------------------------------
 
 
+@purposes.run_grow
 def grow(session: Session, *, drops: bool = False) -> Execution:
     """Make the result in a folder that of another study, and compute only what it lacks.
 

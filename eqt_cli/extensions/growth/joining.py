@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
@@ -36,6 +37,7 @@ LEFT_ASIDE = ("name", "sweep", "controllers", "store", "tune", "worst")
 """Sections that are joined, or that do not decide numbers."""
 
 
+@purposes.pack_out
 def join(paths: Sequence[Path], out: Path, *, trusted: bool = False) -> Execution:
     """Write the result of all points, laws and seeds of several results.
 

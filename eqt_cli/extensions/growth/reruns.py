@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base import files
+from eqt_cli.base import files, purposes
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.base.reporting import step
 from eqt_cli.base.store_reader import ResultFile, open_results
@@ -52,6 +52,7 @@ GROWING = "growing"
 COPIED_BYTES = 64 * 2**20
 
 
+@purposes.run_rerun_failed
 def rerun(session: Session) -> Execution:
     """Compute the failed runs of a complete result again, and replace their rows.
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from eqt_cli.base import purposes
 from eqt_cli.base.reporting import count_of
 from eqt_cli.base.store_reader import ResultFile
 
@@ -55,6 +56,7 @@ def settings_of(result: ResultFile) -> list[Setting]:
     return listed
 
 
+@purposes.remarks_on_a_result
 def remarks(result: ResultFile) -> Iterator[str]:
     """Yield which runs of a result were computed with other settings of the solver."""
     for setting in settings_of(result):

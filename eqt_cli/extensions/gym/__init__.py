@@ -2,13 +2,14 @@
 
 from typing import Any
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import Extension, imported
 
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
-    extension.add_function("conclusion of a result", "judging.conclude")
-    extension.add_function("remarks on an experiment", "judging.remarks")
+    extension.add_function(purposes.conclusion_of_a_result, "judging.conclude")
+    extension.add_function(purposes.remarks_on_an_experiment, "judging.remarks")
 
 
 def __getattr__(name: str) -> Any:

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import printable
 from eqt_cli.results.conclusion import Conclusion
 from eqt_cli.results.result import Result
@@ -47,6 +48,7 @@ def seeds_of(result: Result) -> set[int]:
     return seeds
 
 
+@purposes.conclusion_of_a_result
 def conclude(result: Result) -> Conclusion | None:
     """Return that comparisons are refused, if a network was trained on this seed."""
     stored = str(result.attributes.get("files", "{}"))
@@ -75,6 +77,7 @@ def seeds_of_training(about: Mapping[str, Any]) -> set[int]:
     return {int(word) for word in words if re.fullmatch("[0-9]{1,20}", word)}
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Any, shown: object) -> Iterator[tuple[Any, str]]:
     """Yield a remark on a policy that is flown by the runs of its training, or at another rate."""
     config, texts = experiment.document.data, experiment.document.home.files

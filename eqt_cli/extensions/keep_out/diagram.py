@@ -5,10 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.extensions.keep_out.cones import Cone, OfCones
 
 
+@purposes.boxes_of_a_diagram
 def boxes(experiment: Experiment) -> Iterator[tuple[str, str, list[str]]]:
     """Yield the stage, the title and the lines of the cones of an experiment."""
     measures = [metric for metric in experiment.metrics if isinstance(metric, OfCones)]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
@@ -13,6 +14,7 @@ from eqt_cli.extensions.keep_out.cones import Cone, OfCones, stretches, vanishin
 from eqt_cli.numbers.running import SampledRuns, straightened
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Any, str]]:
     """Yield where the reference is inside a cone of the first metric of cones."""
     places = [k for k, quantity in enumerate(experiment.metrics) if isinstance(quantity, OfCones)]
@@ -59,7 +61,8 @@ def _free_axis(experiment: Experiment) -> Array | None:
     if not loop.task.is_whole:
         return np.array(loop.task.axis, dtype=float)
     along = getattr(loop.reference, "direction", ())  # of a body that is pushed along one axis
-    is_free = len(along) == 3 and loop.reference.flat_output(loop.group, 0.0).heading is None
+    flat = loop.reference.flat_output(loop.group, 0.0) if len(along) == 3 else None
+    is_free = flat is not None and flat.heading is None
     return np.array(along, dtype=float) if is_free else None
 
 

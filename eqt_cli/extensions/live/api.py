@@ -11,6 +11,7 @@ from typing import Any
 
 from eqt_cli.api.loading import load_experiment, open_at
 from eqt_cli.api.running import run
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.files import FILE_NAME, check_targets, write_all
 from eqt_cli.base.reporting import reporter
@@ -102,6 +103,7 @@ def live(
     return out
 
 
+@purposes.report_live
 def report_part(result: Result, trusted: bool = False) -> dict[str, str]:
     """Return the part of a report with sliders, its `html` and `css`; raises as `live`."""
     from eqt_cli.config.document import document_of

@@ -1,9 +1,11 @@
 """The check of the section `live`; it loads no engine for a configuration without one."""
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.config.document import Document
 
 
+@purposes.check_of_a_configuration
 def check(document: Document) -> None:
     """Check whether a page can be made of an experiment, with the sliders that `live` names.
 

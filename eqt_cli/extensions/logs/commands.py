@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.base.extensions import imported, shipped
+from eqt_cli.base import purposes
+from eqt_cli.base.extensions import functions_for, shipped
 from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
@@ -153,6 +154,5 @@ def _print_log(checked: LogCheck) -> None:
         output.complain(problem, "error")
 
 
-for _extension in shipped():
-    if "commands of eqt log" in _extension.functions:
-        imported(_extension.functions["commands of eqt log"])(log_app)
+for add_to in functions_for(purposes.commands_of_log, among=shipped()):
+    add_to(log_app)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import write_all
@@ -101,6 +102,7 @@ def _of_run(result: Result, name: str, law: str, run: int) -> Array:
 # The files ----------------------------------------------------------------------------------------
 
 
+@purposes.show_export
 def export_run(result: Result, path: Path, laws: list[str], run: int) -> None:
     """Write a run as the format of the file's name asks.
 

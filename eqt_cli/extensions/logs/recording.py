@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix, transpose
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.units import factor
@@ -313,6 +314,7 @@ START_KEYS = set("columns units scale quaternion euler attitude world body geode
 """The keys of a mapping that a table of initial states may have."""
 
 
+@purposes.initial_file
 def read_starts(
     text: str, name: str, G: MatrixLieGroup, mapping: LogMapping
 ) -> tuple[Array, Array | None, tuple[str, ...]]:

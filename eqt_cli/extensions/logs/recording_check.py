@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components import motions
@@ -401,6 +402,7 @@ def recording_of(log: Log) -> Recording:
 # Components that name the file of a recording -----------------------------------------------------
 
 
+@purposes.log_in_a_file
 def log_of(component: InFile, G: MatrixLieGroup) -> Log:
     """Return the log in the file of a component, or raise an `InputError` if it is no motion."""
     if (G.name, "log") not in component.cache:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -59,6 +60,7 @@ class Smoothed(NamedTuple):
     weights: list[float]
 
 
+@purposes.proposed_smoothing
 def proposed_smoothing(G: MatrixLieGroup, times: Array, poses: Array) -> str:
     """Return the option `smoothing` that the noise of a recording asks for; "" if it is small."""
     first = max(0, (len(times) - MOST_ROWS) // 2)
@@ -256,12 +258,14 @@ SHORTFALL = 0.01
 """Relative amount by which a residual may be below the requested deviation without a remark."""
 
 
+@purposes.reference_smoothing
 def smoothed_waypoints(reference: WaypointsReference, G: MatrixLieGroup) -> Smoothed:
     """Return the waypoints of a reference on a smooth motion."""
     rows, deviations = reference.waypoints(G), reference.deviations(G, Problems())
     return reference.prepared(G, lambda group: smoothed(group, *rows, deviations), "smoothed")
 
 
+@purposes.remarks_on_waypoints
 def remarks(reference: WaypointsReference, G: MatrixLieGroup) -> Iterator[str]:
     """Yield the oddities of the file of a reference, and the residuals of smoothing."""
     if reference.file is not None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
 from eqt_cli.base.files import content_of, open_regular, text_in, text_of
@@ -27,6 +28,7 @@ MOST_SAMPLED = 4000  # s that are sampled; 1 kB of memory for each row
 ORTHOGONAL = 1e-3  # largest error of RRᵀ of a rotation
 
 
+@purposes.text_of_a_recording
 def text_of_recording(
     path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str
 ) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import KeyPath, dotted
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, example
@@ -19,6 +20,7 @@ WIDTH = 48
 """Column of the origins; longer lines have theirs two spaces behind them."""
 
 
+@purposes.commands_of_config
 def add_to(app: typer.Typer) -> None:
     """Add the command to the group `eqt config`."""
     app.command("show", cls=Command, epilog=example("eqt config show", "configs/paper.yaml"))(show)

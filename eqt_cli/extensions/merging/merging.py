@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from eqt_cli.base import yaml_source
+from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.errors import ConfigError, InputError, KeyPath, Problems, suggestion
 from eqt_cli.base.files import YAML, content_of, near, refusals
 from eqt_cli.base.option_types import shown
@@ -179,6 +179,7 @@ def _moved(data: Any, folder: Path, to: Path) -> Any:
     return os.path.relpath(folder / data, to) if exists else data
 
 
+@purposes.extends
 def extended(document: Document) -> Document:
     """Return a configuration with all that it extends, with the place of each part.
 

@@ -5,11 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.extensions.navigation.navigation import MOVES, Navigation
 
 
+@purposes.remarks_on_an_experiment
 def of_navigation(experiment: Any, shown: Any) -> Iterator[tuple[KeyPath, str]]:
     """Yield the remarks on an experiment whose laws read `navigation`."""
     loop = next(iter(experiment.loops.values()))

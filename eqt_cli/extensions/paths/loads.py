@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures import layout
 from eqt_cli.figures.figure import MOST, ShownRuns, first_laws
@@ -29,6 +30,7 @@ _LONGEST, _LEAST_NAME = 18, 5.6
 """Most characters of a name, and least size of its type, pt."""
 
 
+@purposes.figure_of_loads
 def draw_loads(
     runs: ShownRuns, width: Width, members: Mapping[str, int], signal: str, run: int
 ) -> Drawing:

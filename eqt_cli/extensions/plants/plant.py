@@ -9,8 +9,10 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Real, shown, validated
 from eqt_cli.base.registry import Keys
@@ -23,8 +25,6 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import LawInput, lie_poisson
 from eqt_cli.components.thrusters import Thrusters
-from eqt_cli.extensions.code.controllers import Signal
-from eqt_cli.extensions.code.user_code import UserCode, called, described
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import with_fields
 
@@ -164,21 +164,46 @@ KINDS = {
 }
 """The parts of a motion by their signals."""
 
+Order = Literal["matrix", "columns", "quaternion wxyz", "quaternion xyzw", "roll-pitch-yaw"]
+
 TURNS = {"pose": "pose.rotation", "velocity": "velocity.rotation"}
 """Those of a rotation alone."""
 
 
 @dataclass(frozen=True)
-class StatePart(Signal):
-    """A part of the state of a plant: a `Signal` of the motion, or what eqt fills.
+class StatePart(Keys):
+    """A part of the state of a plant: a signal of the motion, or what eqt fills.
 
     Attributes
     ----------
+    signal, as_, frame, unit, scale, sign
+        As in an adapter of code: what it is, in which order of rotations, frame and unit.
     skip
         Instead of a signal: so many entries, which are 0.
     """
 
+    signal: str = ""
+    as_: Order = "matrix"
+    frame: Literal["body", "desired", "space"] | None = None
+    unit: str | None = None
+    scale: Real = 1.0
+    sign: Real | list[Real] = 1.0
     skip: int = 0
+
+    @cached_property
+    def in_code(self) -> Any:
+        """The signal as code has it."""
+        keys = {name: getattr(self, name) for name in ("as_", "frame", "unit", "scale", "sign")}
+        return function_for(purposes.signal_of_code)(signal=self.signal, **keys)
+
+    @property
+    def factor(self) -> Array:
+        """What the code has of 1, in units of eqt."""
+        return np.asarray(self.in_code.factor)
+
+    def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return the part as code has it, ``(..., *shape)``."""
+        return np.asarray(self.in_code.values(G, x))
 
 
 @dataclass(frozen=True)
@@ -402,20 +427,10 @@ class Plant:
         result = f"[result[name] for name in {names}] if isinstance(result, dict) else result"
         # With the state, which the call must leave as it is.
         parts = f"[*flat({result}, {n}), *flat([{state}], {n})]"
-        how = {"call": call, "torque": parts, "per_run": False, "repeats": False}
-        adapted = tuple((name, value.shape[1:]) for name, value in arguments.items())
-        fields: Any = {"file": self.file.name, "prefix": self.function, "numbers": (), "memory": ()}
         text = text_of(self.file, "it is a plant", EqtError)
-        code = UserCode(
-            **fields,
-            real="double",
-            text=text,
-            entries=0,
-            axes=2 * n,
-            returns=2 * n,
-            adapted=adapted,
-        )
-        return called(code, np.empty(0), STEP, _rows(arguments), how)
+        source = self.file.name, self.function, text, arguments
+        how: Any = {"call": call, "result": parts, "returns": 2 * n, "period": STEP}
+        return function_for(purposes.function_in_python)(*source, **how)
 
     def answers(self, states: States, step: float = 0.0) -> Array:
         """Return what the function returns, ``(states, n)``.
@@ -432,7 +447,7 @@ class Plant:
         if bad.any():
             raise InputError(
                 f"{self.name} returns numbers that are not finite at {bad.sum()} of {len(bad)} "
-                f"states, first at {described(self.called, rows[bad.argmax()])}; call it there"
+                f"states, first at {self.called.in_words(rows[bad.argmax()])}; call it there"
             )
         if np.any(state != self.flat(states)):
             raise InputError(f"{self.name} changes its state in place; copy it first: x = x.copy()")

@@ -17,10 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix, transpose
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, least_squares, transpose
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import listed
-from eqt_cli.extensions.code.code_evidence import least_squares
 from eqt_cli.extensions.plants.plant import Model, Plant, StatePart, States
 from eqt_cli.numbers.leaves import with_fields
 
@@ -489,7 +488,7 @@ class Judge:
         elif part.as_.startswith("quaternion"):
             order = "xyzw" if part.as_.endswith("wxyz") else "wxyz"
             Q, reordered = np.array(states.Q), with_fields(part, as_=f"quaternion {order}")
-            Q[:, :3, :3] = reordered._rotation(q)
+            Q[:, :3, :3] = reordered.in_code.rotation(q)
             p, of_other = self.plant.turned_as(reordered, states._replace(Q=Q))
             words = f"the quaternion ({part.as_[-4:]}) is multiplied as if it were {order}"
             rate = apply_matrix(of_other, w) * np.sign((p * q).sum(axis=1))[:, None]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable
@@ -17,6 +18,7 @@ HEADER = ["part", "coefficient", "expected", "finding"]
 UNITS = {"position": "m", "attitude": "deg", "velocity": "m/s", "rates": "rad/s"}
 
 
+@purposes.verify_plant
 def judged(
     experiment: Any, plant: str, adapter: Path | None, simulator: bool
 ) -> tuple[dict[str, Any], str, TextTable]:

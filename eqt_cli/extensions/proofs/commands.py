@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import is_intact_file
@@ -96,7 +97,7 @@ def verify(
     if not is_result:
         document = options.document_of(target, None, trust_plugins=trust_plugins)
         if code:
-            document = function_for("verify --code")(document, code, as_, adapter)
+            document = function_for(purposes.verify_code)(document, code, as_, adapter)
         document = overridden(document, options.overrides(set_, engine))
         subject = options.study_at(document, point, "verified without")
         if plant:
@@ -112,7 +113,7 @@ def verify(
         subject, runs=runs, point=point, trust_plugins=trust_plugins, workers=workers, exact=exact
     )
     judged = any(row.kind == "code" for row in result.rows)
-    answers = function_for("answers on code") if judged else lambda *_: ()
+    answers = function_for(purposes.answers_on_code) if judged else lambda *_: ()
     code_answers = [*answers(result.rows, result.experiment)]
     findings = {
         "verified": str(target),
@@ -166,7 +167,9 @@ def _verify_plant(
     experiment: Any, plant: str, adapter: Path | None, simulator: bool, fail_on: str | None
 ) -> tuple[dict[str, Any], list[Any], bool]:
     """Return the document and the text on a plant, and whether it passes."""
-    record, answer, table = function_for("verify --plant")(experiment, plant, adapter, simulator)
+    record, answer, table = function_for(purposes.verify_plant)(
+        experiment, plant, adapter, simulator
+    )
     passing = ("is", "lacks") if fail_on == "differs" else ("is",)
     return {"plant": [record]}, [answer, "", laid_out(table)], record["finding"] in passing
 

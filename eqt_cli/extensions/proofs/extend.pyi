@@ -7,5 +7,7 @@ from eqt_cli.extensions.proofs.certificates import Runs as Runs
 from eqt_cli.extensions.proofs.certificates import Setting as Setting
 from eqt_cli.extensions.proofs.certificates import TrajectoryCheck as TrajectoryCheck
 from eqt_cli.extensions.proofs.certificates import Verdict as Verdict
+from eqt_cli.extensions.proofs.exact import lifted as lifted
 from eqt_cli.extensions.proofs.exact import rate_of as rate_of
+from eqt_cli.extensions.proofs.exact import value_of as value_of
 from eqt_cli.extensions.proofs.sample import Sample as Sample

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
+from eqt_cli.base import purposes
 from eqt_cli.base.option_types import Count
 from eqt_cli.extensions.proofs.certified import box_of, rates_of
 from eqt_cli.figures.figure import Figure
@@ -18,6 +19,7 @@ from eqt_cli.figures.sweep_figures import HEIGHTS
 from eqt_cli.results.result import Result
 
 
+@purposes.figure_certified
 def proved(swept: ShownSweep, angle: float) -> Iterator[str]:
     """Yield what is proved of each law for starts within an angle, where the runs only find."""
     first = swept.results.point(0)

@@ -17,6 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import eqt_cli.extensions.proofs.certified as proofs
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.config.experiment import Experiment
@@ -314,5 +315,13 @@ def _inside(x: float) -> str:
     return f"{np.copysign(float(proofs.rounded(abs(x), 6)), x):g}" if outside else near
 
 
-certified_rate = ProvedObjective("certified_rate", "proved rate, 1/s")
-push_bound = ProvedObjective("push_bound", "proved angle, deg")
+@purposes.proved_objective
+def certified_rate() -> ProvedObjective:
+    """Return the search for the fastest proved decay of errors."""
+    return ProvedObjective("certified_rate", "proved rate, 1/s")
+
+
+@purposes.proved_objective
+def push_bound() -> ProvedObjective:
+    """Return the search for the smallest proved angle under a push."""
+    return ProvedObjective("push_bound", "proved angle, deg")

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.api.loading import Configuration, experiment_at
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.registry import blamed
@@ -474,6 +475,7 @@ def certified(
         return [rates_of(label, loop, boxes, push, start) for label, loop in loops]
 
 
+@purposes.worst_certified
 def proved_from(angle: float) -> Callable[[Path, str], str]:
     """Return what says of a law of a configuration what is proved for its starts within an angle.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.stored import SmallErrors
 from eqt_cli.cli.output import table
 from eqt_cli.components.matrix_groups import rigid
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
+@purposes.meaning_of_an_experiment
 def meaning(experiment: Experiment, shown: Horizon) -> Iterator[str | Text]:
     """Yield the bandwidth and damping of each law, and what limits leave, as tables and lines."""
     rows, gains = _gains(experiment)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.base.registry import is_foreign
@@ -41,6 +42,7 @@ UNLIKE_BODIES = 100.0
 """How many times the inertia of the model, or what part of it, is that of another body."""
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield all of them, and those on what limits leave, with their keys."""
     yield from _behind_the_end(experiment)

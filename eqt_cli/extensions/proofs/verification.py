@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.api.loading import Configuration, experiment_at, open_at
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import blamed
@@ -233,6 +234,7 @@ def verify_stored(
         return verifier.verification(laws, desired)
 
 
+@purposes.certificates_of_a_report
 def certificates_of(result: Result, trust_plugins: bool, workers: int) -> dict[str, Any]:
     """Return tables of a report: of all certificates of a result, and of those in doubt."""
     rows = verify_stored(result, trust_plugins, workers).rows
@@ -421,6 +423,7 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certif
     return certificates.identity_rows(samples[0], samples[1:], list(_cascades(experiment, horizon)))
 
 
+@purposes.identities_of_laws
 def tallies(experiment: Experiment) -> dict[str, str]:
     """Return how many identities of each law hold, in words, by its label."""
     rows, tally = identities_of(experiment), certificates.tally

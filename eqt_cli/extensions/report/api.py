@@ -8,6 +8,7 @@ from typing import Any
 
 from eqt_cli.api.drawing import folders, load_plugins
 from eqt_cli.api.loading import ResultPath, open_at
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Remedy
 from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.files import REPORT, check_targets, write_all
@@ -163,7 +164,7 @@ def report(
         reason = QUICK if quick and not opened.is_sweep else ""
         if not (quick or opened.is_sweep):
             try:  # their tables by their names in the template: `certificates` and `doubts`
-                for certificates_of in functions_for("certificates of a report"):
+                for certificates_of in functions_for(purposes.certificates_of_a_report):
                     certificates |= certificates_of(opened, trust_plugins, workers)
             except EqtError as error:
                 reason = f"The result could not be verified: {error}"
@@ -171,11 +172,11 @@ def report(
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
         with suppress(EqtError):  # plugins that nobody trusts, of which the certificates tell
-            for diagram_of in functions_for("diagram of a report"):
+            for diagram_of in functions_for(purposes.diagram_of_a_report):
                 certificates["drawing"] = diagram_of(opened, trust_plugins)
         if against and opened.is_sweep:
             raise EqtError("--against: applies to one experiment; choose a point with --point")
-        part = function_for("report --live")(opened, trust_plugins) if live else None
+        part = function_for(purposes.report_live)(opened, trust_plugins) if live else None
         base = shown.labels[shown.position_of(against)] if against else ""
         page = document.report(
             shown, wanted, certificates, reason, author, notes, title, date, base, part

@@ -1,5 +1,6 @@
 """Searches: for the best gains of each law, and for its worst run."""
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import COMPUTE, Extension
 
 
@@ -10,6 +11,8 @@ def register(extension: Extension) -> None:
     extension.add_command("tune", "commands.tune", COMPUTE, "configs/tune_paper.yaml", "compare")
     extension.add_command("worst", "commands.worst", COMPUTE, "late.yaml --fail-above 0.2", "tune")
     for record in ("tuning.json", "worst.json"):
-        extension.add_function(f"conclusion of a result beside {record}", "conclusion.conclusion")
-    extension.add_function("answer of compare beside tuning.json", "comparison.answer")
-    extension.add_function("check of a configuration", "sections.check")
+        conclude = "conclusion.conclusion"
+        extension.add_function(purposes.conclusion_of_a_result, conclude, beside=record)
+    answer = "comparison.answer"
+    extension.add_function(purposes.answer_of_compare, answer, beside="tuning.json")
+    extension.add_function(purposes.check_of_a_configuration, "sections.check")

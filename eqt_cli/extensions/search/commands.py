@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import InterruptedRun
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.process import Interrupted
@@ -87,7 +88,7 @@ def worst(
     from eqt_cli.extensions.search.worst import WorstSearch
 
     # Before the search, which takes longer, for it refuses some angles.
-    proved: Any = certified and function_for("worst --certified")(certified)
+    proved: Any = certified and function_for(purposes.worst_certified)(certified)
     search = WorstSearch.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))

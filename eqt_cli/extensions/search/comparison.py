@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.base import purposes
 from eqt_cli.base.reporting import TextTable
 from eqt_cli.extensions.search import ratios
 from eqt_cli.extensions.search.fronts import at_equal_cost, equal_cost_table, fronts, held_out
@@ -19,6 +20,7 @@ from eqt_cli.results.summary import check_metrics, not_shared
 Answer = tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]]
 
 
+@purposes.answer_of_compare
 def answer(
     result: Result, how: Resampling, write: Plain, metrics: Sequence[str], laws: Sequence[str]
 ) -> Answer | None:

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
+from eqt_cli.base import purposes
 from eqt_cli.base.reporting import TextTable
 from eqt_cli.extensions.search.record import TUNE, WORST
 from eqt_cli.results.conclusion import Conclusion
 from eqt_cli.results.result import Result
 
 
+@purposes.conclusion_of_a_result
 def conclusion(result: Result) -> Conclusion | None:
     """Return the outcome of the search that a result judges; None if there is no such search."""
     tuning, worst = TUNE.beside(result), WORST.beside(result)

@@ -9,7 +9,7 @@ from itertools import chain, combinations, count
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.base import errors, files
+from eqt_cli.base import errors, files, purposes
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, Problems, Remedy
 from eqt_cli.base.extensions import function_for
 from eqt_cli.components.laws import gains_group
@@ -91,7 +91,7 @@ class LawSearch:
 
 def rules_of(formulas: dict[str, Any], keys: Sequence[str], problems: Problems) -> Any:
     """Return what follows by formulas from some keys, after noting their errors."""
-    return function_for("rules of a sweep")({(): {"set": formulas}}, keys, problems)
+    return function_for(purposes.rules_of_a_sweep)({(): {"set": formulas}}, keys, problems)
 
 
 def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:

@@ -1,8 +1,10 @@
 """The check of the sections for searches; it loads no search for a configuration without one."""
 
+from eqt_cli.base import purposes
 from eqt_cli.config.document import Document
 
 
+@purposes.check_of_a_configuration
 def check(document: Document) -> None:
     """Check the sections for searches of a configuration; they may raise a `ConfigError`."""
     if document.data.get("tune"):

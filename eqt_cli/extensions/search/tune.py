@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
@@ -413,7 +414,8 @@ def _objective_names(section: TuneSection) -> tuple[str, ...]:
 
 def prover_of(section: TuneSection) -> Any:
     """Return what finds gains by proofs, without runs; None if the objective is a metric."""
-    return next(functions_for(f"tune.objective {section.objective}"), None)
+    provers = functions_for(purposes.proved_objective, key=str(section.objective))
+    return next((prover() for prover in provers), None)
 
 
 def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from eqt_cli.base import purposes
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.suite.actions import FILE
 from eqt_cli.extensions.suite.archive import read
 from eqt_cli.extensions.suite.tasks import all_tasks, digest_of
 
 
+@purposes.citations
 def citations(folder: Path) -> tuple[list[str], list[str]]:
     """Return the kinds of the laws in a folder of the suite, and the entry of the suite."""
     archive = read(folder / FILE)

@@ -28,7 +28,7 @@ from eqt_cli.analysis.intervals import (
     resolved_differences,
 )
 from eqt_cli.analysis.maps import compare_map
-from eqt_cli.base import yaml_source
+from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed
@@ -208,6 +208,7 @@ def pooled(
     return answers
 
 
+@purposes.compare_pooled
 def answer(
     result: Result,
     how: Resampling,
@@ -231,7 +232,9 @@ def answer(
         records += [asdict(row) | {"word": str(row.word)} for row in rows]
         tables.append(_table(result, rows, how, write, drawn=drawn))
     document: dict[str, Any] = {"pooled": records, "points_drawn": drawn}
-    between = [words for tell in functions_for("remarks on a result") for words in tell(result)]
+    between = [
+        words for tell in functions_for(purposes.remarks_on_a_result) for words in tell(result)
+    ]
     if between:
         document["between"] = between
     return document, records, tables, between

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from eqt_cli.base import units
+from eqt_cli.base import purposes, units
 from eqt_cli.base.errors import (
     ConfigError,
     ExpressionError,
@@ -168,6 +168,7 @@ def _at(values: Mapping[str, float]) -> str:
     return "where " + ", ".join(f"{name} = {value:g}" for name, value in values.items())
 
 
+@purposes.rules_of_a_sweep
 class Rules:
     """What holds for the points of all blocks of a sweep.
 

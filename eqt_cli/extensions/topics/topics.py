@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import bare
 
 
@@ -95,6 +96,7 @@ def components_with(word: str, but: Collection[str]) -> Iterator[dict[str, str]]
             yield {"kind": kind, "name": name, "summary": text}
 
 
+@purposes.meaning_of_a_word
 def meaning(word: str, but: Collection[str]) -> tuple[dict[str, Any], list[Any]]:
     """Return what a word leads to, as data, and as text and tables for `eqt list`.
 
@@ -119,6 +121,7 @@ def meaning(word: str, but: Collection[str]) -> tuple[dict[str, Any], list[Any]]
     return {"topics": topic_records, "described": named}, texts[1:] if not but else texts
 
 
+@purposes.command_for_a_word
 def hint(word: str) -> str:
     """Return the command and the page for a word that is no command; empty if there is none."""
     leads = _exactly(word)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply, apply_matrix, less, norm, sqrt, stack, where
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
@@ -396,7 +397,7 @@ class FlatReference(ClosedReference):
         yield from self.inner.remarks(G)
         if self.inner.files and self.inner.name != "waypoints":  # which says so itself
             times = self.inner.knot_times(G)
-            for proposed in functions_for("proposed smoothing"):
+            for proposed in functions_for(purposes.proposed_smoothing):
                 if not (sizes := proposed(G, times, self.inner.motion(G, times)[0])):
                     continue
                 yield (
