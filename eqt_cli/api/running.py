@@ -11,7 +11,7 @@ from typing import Any
 from eqt_cli.api.loading import Configuration, ResultPath, StoredResult, load_experiment
 from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, Problems
-from eqt_cli.base.extensions import function_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.option_types import Kind
 from eqt_cli.base.yaml_source import flow, parse_value
 from eqt_cli.config.document import read_config
@@ -83,7 +83,11 @@ def run(
             "out --force and --shard"
         )
     loaded = loaded if force else ResultFolder(folder).begun(loaded)
-    loaded = replace(loaded, remarks=remark_on(loaded.base))
+    noted = remark_on(loaded.base)
+    for more in functions_for("remarks on other values"):
+        points = ((f"at point {k}", loaded.experiment(k)) for k in range(1, len(loaded)))
+        noted += more(loaded.base, points)
+    loaded = replace(loaded, remarks=noted)
     done = execute(
         loaded,
         folder,

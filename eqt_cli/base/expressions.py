@@ -464,6 +464,12 @@ class Expression:
             result = fold(self.tree, visit)
             return number(result) if isinstance(result, float) else result
 
+    def bound(self, values: Mapping[str, float]) -> Expression:
+        """Return the expression with numbers in place of some variables."""
+        names = "|".join(values)
+        text = re.sub(rf"\b({names})\b", lambda name: f"({values[name[0]]!r})", self.text)
+        return parse(text, sorted(self.variables - values.keys()))
+
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
         """Pickle the text, because pickling a deep tree would exhaust the stack."""
         return parse, (self.text, tuple(sorted(self.variables)))

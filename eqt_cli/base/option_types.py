@@ -213,6 +213,8 @@ def number_of(value: Any) -> Any:
     ValueError
         If it is none; the message has the expected values.
     """
+    if isinstance(value, AsText):
+        raise ValueError(f"expected one number for all runs, got '{value}', which each run draws")
     if not isinstance(value, str):
         return value
     units: tuple[str, ...] = getattr(value, "units", ())
@@ -790,13 +792,27 @@ def as_section(component: Any) -> dict[str, Any]:
     return section
 
 
+class AsText:
+    """A value that has been made of a text, as which a configuration has it again."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        return core_schema.is_instance_schema(
+            cls, serialization=core_schema.to_string_ser_schema(when_used="always")
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string"}
+
+
 def plain_data(value: Any) -> Any:
     """Return dataclasses as mappings and arrays as lists, also inside others; paths as text."""
     if isinstance(value, list | tuple):
         return [plain_data(entry) for entry in value]
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, PurePath | Decimal | date | Fraction):
+    if isinstance(value, PurePath | Decimal | date | Fraction | AsText):
         return str(value)
     if hasattr(value, "__dataclass_fields__"):
         value = {option_of_field(f.name): getattr(value, f.name) for f in dataclasses.fields(value)}

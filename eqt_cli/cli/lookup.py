@@ -300,7 +300,7 @@ def check(
     from eqt_cli.base.yaml_source import dump
     from eqt_cli.components.vehicle import exactly_measured
     from eqt_cli.config.remarks import remarks, wheels_needed
-    from eqt_cli.config.study import study
+    from eqt_cli.config.study import spread, study
     from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
 
@@ -314,6 +314,9 @@ def check(
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
         untried = rehearse(checked, solves=True)
+        points = spread(len(checked), MOST_CHECKED)[1:]
+        for more in functions_for("remarks on other values"):
+            more(checked.base, ((f"at point {k}", checked.experiment(k)) for k in points))
         # Extensions check sections of their own; each function takes the document, and raises a
         # `ConfigError` with what is wrong in it.
         for check_sections in functions_for(purposes.check_of_a_configuration):

@@ -3,7 +3,8 @@
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, Self
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeGuard
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
-from eqt_cli.components.references import InExpressions
+from eqt_cli.components.references import InExpressions, check_expressions
+from eqt_cli.components.vehicle_parts import NamedFormula
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
@@ -173,6 +175,7 @@ def in_currents(
     inertia
         The inertia of the vehicle, whose added part moves with the medium; None where not known.
     """
+    acting = weighed(G, acting, inertia)
     moving = list(currents(acting))
     if not moving:
         return acting
@@ -208,6 +211,7 @@ class Drag(PlacedForce):
     name: ClassVar[str] = "drag"
     departs: ClassVar[str] = "drag"
     matrices: ClassVar[tuple[str, ...]] = ("linear", "quadratic")
+    in_time: ClassVar[tuple[str, ...]] = ("current",)
 
     linear: Annotated[vehicle_parts.Matrix, Unit(DAMPING)] = 0.0
     quadratic: vehicle_parts.Matrix = 0.0
@@ -219,19 +223,23 @@ class Drag(PlacedForce):
     )
     added: Any = field(default=None, init=False, repr=False)
     displaced_mass: Any = field(default=None, init=False, repr=False)
+    named: Any = field(default=None, init=False, repr=False)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the drag with the expressions of the current, and 0 for them among its numbers."""
         part: Any = super().of_run(G, random)
         if self.current is None:
             return part
-        numbers = [0.0 if isinstance(entry, str) else entry for entry in part.current]
-        current = np.array(numbers, dtype=float)
-        expressions = (formula(entry) if isinstance(entry, str) else None for entry in self.current)
-        return with_fields(part, current=current, expressions=tuple(expressions))
+        texts = [entry if isinstance(entry, str | NamedFormula) else "" for entry in part.current]
+        numbers = [0.0 if text else entry for text, entry in zip(texts, part.current, strict=True)]
+        expressions = tuple(_expression(text) if text else None for text in texts)
+        named = vehicle_parts.named_numbers(texts, random)
+        return with_fields(part, current=np.array(numbers), expressions=expressions, named=named)
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece, and of short pulses."""
+        if self.named is not None:
+            return instants_of(self.named.bound(self.expressions), until)
         return instants_of(filter(None, self.expressions), until)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
@@ -294,13 +302,14 @@ class Drag(PlacedForce):
         """Return the velocity of the medium, or its rate, in space, ``(..., m)``."""
         assert G.translation is not None
         entries: list[Any] = [0.0] * G.dimension
+        values = {"t": t} if self.named is None else self.named.at(t)
         for k, expression in enumerate(self.expressions):
             if expression is None:
                 value: Any = 0.0 if rate else np.asarray(self.current)[..., k]
             elif rate:
-                value = value_and_derivative(expression, {"t": t})[1]
+                value = value_and_derivative(expression, values)[1]
             else:
-                value = expression.evaluate({"t": t})
+                value = expression.evaluate(values)
             entries[G.translation.axes.start + k] = value
         return stack(entries)
 
@@ -367,16 +376,42 @@ class ExpressionForce(InExpressions, PlacedForce):
     name: ClassVar[str] = "expression"
     departs: ClassVar[str] = "force in time"
     expressed: ClassVar[str] = "force"
+    in_time: ClassVar[tuple[str, ...]] = ("force",)
 
-    force: list[str | float]
+    force: list[str | float | NamedFormula]
+    named: Any = field(default=None, init=False, repr=False)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the force: its entries are expressions, even where they are numbers."""
-        return self.drawn(random)
+        named = vehicle_parts.named_numbers(self.force, random)
+        return with_fields(self.drawn(random), force=self.force, named=named)
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The expressions, parsed."""
+        return [_expression(entry) for entry in self.force]
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return f(t)."""
-        return self.values(t)
+        if self.named is None:
+            return self.values(t)
+        values = self.named.at(t)
+        return stack([expression.evaluate(values) for expression in self.expressions])
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        if self.named is not None:
+            return instants_of(self.named.bound(self.expressions), until)
+        return super().instants(G, until)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note expressions that do not parse, and a wrong number of them."""
+        texts = ["0" if isinstance(entry, NamedFormula) else entry for entry in self.force]
+        check_expressions(texts, G.dimension, G, problems.at("force"))
+
+
+def _expression(entry: Any) -> Expression:
+    return entry.expression if isinstance(entry, NamedFormula) else formula(entry)
 
 
 # Gusts: a smooth random force, a sum of sines whose phases each run draws -------------------------
@@ -493,6 +528,37 @@ def moment(point: Array, force: Array) -> Array:
     return stack([point[..., 0] * force[..., 1] - point[..., 1] * force[..., 0]])
 
 
+def rigid_part(inertia: Inertia) -> Array:
+    """Return the inertia of the body without the medium."""
+    return inertia.matrix - (0.0 if inertia.added is None else inertia.added)
+
+
+def mass_of(G: MatrixLieGroup, inertia: Inertia) -> float | None:
+    """Return the mass of a rigid body, kg; None with added mass in it, which differs by axis."""
+    assert G.translation is not None
+    masses = rigid_part(inertia)[G.translation.axes, G.translation.axes]
+    least = float(masses[0, 0])
+    return least if np.abs(masses - least * np.eye(len(masses))).max() <= ROUNDING * least else None
+
+
+def weighed(
+    G: MatrixLieGroup, acting: tuple[Force, ...], inertia: InertiaLaw | None
+) -> tuple[Force, ...]:
+    """Return the forces of a run, where those with `gravity` have the weight of an inertia."""
+    if inertia is None or not any(map(follows_mass, acting)):
+        return acting
+    mass: Any = mass_of(G, inertia.at(0.0))
+    return tuple(
+        with_fields(force, weight=mass * force.gravity) if follows_mass(force) else force
+        for force in acting
+    )
+
+
+def follows_mass(force: Any) -> TypeGuard["Restoring"]:
+    """Whether a force is a weight that follows from the mass of the body."""
+    return isinstance(force, Restoring) and force.gravity is not None
+
+
 @dataclass(frozen=True)
 class Restoring(Force):
     """The weight acts at the centre of mass, downwards; the buoyancy at its own centre, upwards.
@@ -504,6 +570,9 @@ class Restoring(Force):
     ----------
     weight, buoyancy
         W and B, N.
+    gravity
+        Instead of `weight`: g of W = m g, m/s². Of the plant, m is the mass of its inertia in each
+        run; of the laws, that of their model.
     centre_of_mass, centre_of_buoyancy
         r_G and r_B in the body frame, m.
     up
@@ -514,11 +583,14 @@ class Restoring(Force):
     name: ClassVar[str] = "restoring"
     departs: ClassVar[str] = "weight and buoyancy"
 
-    weight: Annotated[vehicle_parts.Number, Unit("N")]
+    positive: ClassVar[tuple[str, ...]] = ("gravity",)
+
+    weight: Annotated[vehicle_parts.Number | None, Unit("N")] = None
     buoyancy: Annotated[vehicle_parts.Number, Unit("N")] = 0.0
     centre_of_mass: Annotated[list[vehicle_parts.Number] | None, Unit("m")] = None
     centre_of_buoyancy: Annotated[list[vehicle_parts.Number] | None, Unit("m")] = None
     up: list[vehicle_parts.Number] | None = None
+    gravity: Annotated[vehicle_parts.Number | None, Unit("m/s^2")] = None
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the force with `up` of length 1."""
@@ -566,16 +638,17 @@ class Restoring(Force):
     def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
         """Yield remarks on a weight and a centre of mass that are not those of the inertia."""
         assert isinstance(G, EuclideanGroup) and G.translation is not None
-        axes, W = G.translation.axes, float(np.max(self.weight))
-        body = inertia.matrix - (0.0 if inertia.added is None else inertia.added)
-        masses, coupling, I = body[axes, axes], body[: axes.start, axes], np.eye(G.space)
-        is_known = np.abs(masses - masses[0, 0] * I).max() <= ROUNDING * masses[0, 0]
-        mass = masses[0, 0] if is_known else W / GRAVITY  # with added mass in it, it is not known
-        if W and abs(W / (mass * GRAVITY) - 1) > UNLIKE:
+        weight: Any = self.weight
+        axes, W = G.translation.axes, float(np.max(weight))
+        known = mass_of(G, inertia)
+        is_known, coupling = known is not None, rigid_part(inertia)[: axes.start, axes]
+        mass, I = W / GRAVITY if known is None else known, np.eye(G.space)
+        if W and self.gravity is None and abs(W / (mass * GRAVITY) - 1) > UNLIKE:
             yield (
                 "weight",
                 f"belongs to {W / GRAVITY:.4g} kg, but the inertia has {mass:.4g} kg, which weigh "
-                f"{mass * GRAVITY:.5g} N; correct one of the two",
+                f"{mass * GRAVITY:.5g} N; correct one of the two, or write `gravity: {GRAVITY}` "
+                "instead, by which each run weighs what its inertia has",
             )
         r = np.zeros(G.space) if self.centre_of_mass is None else np.asarray(self.centre_of_mass)
         wanted = moment(r, mass * I).T
@@ -597,8 +670,11 @@ class Restoring(Force):
             problems.at("frame").add(
                 "restoring fixes the frame of each of its numbers; remove this key"
             )
+        if (self.weight is None) == (self.gravity is None):
+            got = "neither" if self.weight is None else "both"
+            problems.at("weight").add(f"expected either weight or gravity, got {got}")
         for name in ("weight", "buoyancy"):
-            value, here = getattr(self, name), problems.at(name)
+            value, here = getattr(self, name) or 0.0, problems.at(name)
             vehicle_parts.check_numbers(value, here)
             if not here and vehicle_parts.lowest(value) < 0:
                 here.add(

@@ -146,16 +146,17 @@ class Vehicle:
 
         inertia = None if configured.inertia is None else flying(INERTIA)
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
+        # A payload has a weight of its own, and no added mass.
+        body = self.model if not self.model or not inertia else inertia.at(self.model.at(0.0), 0.0)
         for force in acting:
             inertia = force.loaded(inertia) if isinstance(force, CarriesMass) else inertia
-        true = self.model if not self.model or not inertia else inertia.at(self.model.at(0.0), 0.0)
         if estimator is not None:
             estimator = flying(ESTIMATOR, estimator.completed(G, configured.deviations(G)))
 
         return dataclasses.replace(
             self,
             inertia=inertia,
-            forces=in_currents(G, acting, true) if acting else (),
+            forces=in_currents(G, acting, body) if acting else (),
             actuators=tuple(flying(place_of(self, k)) for k in range(len(self.actuators))),
             moving_sensors=tuple(
                 flying(f"{signal}[{k}]")

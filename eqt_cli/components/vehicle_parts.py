@@ -23,7 +23,16 @@ from pydantic import Tag
 from eqt_cli.base.arrays import Array, inverse_spd, stack
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import Kind, Real, Scale, has_unit, one_of, option_names, seconds
+from eqt_cli.base.option_types import (
+    AsText,
+    Kind,
+    Real,
+    Scale,
+    has_unit,
+    one_of,
+    option_names,
+    seconds,
+)
 from eqt_cli.base.registry import Component, Keys
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -109,11 +118,123 @@ class Normal(Keys):
             _check_positive("a mean", self.normal[:1], problems)
 
 
-Distribution: TypeAlias = Uniform | Normal
+class NamesOfRuns(Protocol):
+    """The numbers that runs draw by their names, of the section `draws`."""
+
+    @property
+    def means(self) -> dict[str, float]:
+        """The means by name."""
+
+    def of(self, seed: int, run: int) -> dict[str, float]:
+        """Return the numbers of a run by name."""
+
+
+@dataclass(frozen=True)
+class NamedFormula(AsText):
+    """A formula in names of the section `draws`, and perhaps in t, whose numbers each run draws.
+
+    Attributes
+    ----------
+    text
+        The formula as it is written.
+    names
+        The section.
+    expression
+        The formula, parsed.
+    """
+
+    text: str
+    names: NamesOfRuns
+    expression: Expression = field(compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def moves(self) -> bool:
+        """Whether it depends on t."""
+        return "t" in self.expression.variables
+
+    @property
+    def mean(self) -> float:
+        """The value at the means of the names."""
+        return float(self.expression.evaluate(self.names.means))
+
+    @property
+    def variance(self) -> float:
+        """The variance over `TRIED` runs."""
+        values = [self.expression.evaluate(self.names.of(0, run)) for run in range(TRIED)]
+        return float(np.var(values))
+
+    def numbers(self, random: np.random.Generator | None) -> dict[str, float]:
+        """Return the names in it with the numbers of the run of a generator; without one, means."""
+        every = self.names.means
+        if random is not None:
+            stream: Any = random.bit_generator.seed_seq
+            every = self.names.of(stream.entropy, stream.spawn_key[1])
+        return {name: every[name] for name in sorted(self.expression.variables - {"t"})}
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Return the value in the run of a generator, which it does not change."""
+        return float(self.expression.evaluate(self.numbers(random)))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note a mean that no number may be; what runs draw is checked run by run."""
+        if self.moves:
+            return
+        if positive:
+            _check_positive("a number", [self.mean], problems)
+        else:
+            with problems.catching():
+                check_sizes(self.mean)
+
+
+@dataclass(frozen=True)
+class NamedNumbers:
+    """The numbers of names in the formulas in t of a part, in a run.
+
+    Attributes
+    ----------
+    names
+        The names.
+    values : (n,)
+        Their numbers.
+    """
+
+    names: tuple[str, ...] = field(metadata=STRUCTURE)
+    values: Any
+
+    def at(self, t: Any) -> dict[str, Any]:
+        """Return what a formula may read at time t."""
+        return {"t": t} | {name: self.values[..., k] for k, name in enumerate(self.names)}
+
+    def bound(self, expressions: Iterable[Expression | None]) -> list[Expression]:
+        """Return formulas in t alone, with these numbers; of many runs, with the first ones."""
+        numbers = np.reshape(self.values, (-1, len(self.names)))[0].tolist()
+        values = dict(zip(self.names, numbers, strict=True))
+        return [expression.bound(values) for expression in expressions if expression]
+
+
+def named_numbers(
+    entries: Iterable[Any], random: np.random.Generator | None
+) -> NamedNumbers | None:
+    """Return the numbers of all names in some entries of an option; None without a name."""
+    numbers: dict[str, float] = {}
+    for entry in entries:
+        numbers |= entry.numbers(random) if isinstance(entry, NamedFormula) else {}
+    return NamedNumbers((*numbers,), np.array([*numbers.values()])) if numbers else None
+
+
+TRIED = 256
+"""Runs that estimate the variance of a formula, to 9 % (1/sqrt(128), of a normal one)."""
+
+Distribution: TypeAlias = Uniform | Normal | NamedFormula
 """A distribution from which each run draws a number; its mean stands for it outside of runs."""
 
 
 def _kind(value: Any) -> str | None:
+    if isinstance(value, NamedFormula):
+        return "named"
     keys = vars(value) if isinstance(value, Distribution) else value
     if isinstance(keys, dict):
         return next((name for name in ("uniform", "normal") if name in keys), None)
@@ -132,7 +253,11 @@ if TYPE_CHECKING:  # The parts that `of_run` returns have arrays in their place.
     Numbers: TypeAlias = Any
     Matrix: TypeAlias = Any
 else:
-    _Drawn = Annotated[Uniform, Tag("uniform")] | Annotated[Normal, Tag("normal")]
+    _Drawn = (
+        Annotated[Uniform, Tag("uniform")]
+        | Annotated[Normal, Tag("normal")]
+        | Annotated[NamedFormula, Tag("named")]
+    )
 
     Number = Annotated[
         Annotated[Real, Tag("number")] | _Drawn,
@@ -187,12 +312,21 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
             return value
         entries = {name: drawn(entry, random, positive) for name, entry in vars(value).items()}
         return with_fields(value, **entries)
+    if isinstance(value, NamedFormula) and value.moves:
+        return value  # its names are numbers of the part
     if random is None:
         return value.mean
     number = value.draw(random)
-    while positive and number <= 0:  # the mean is greater, so this ends soon
+    while positive and number <= 0 and redraws(value):  # the mean is greater, so this ends soon
         number = value.draw(random)
     return number
+
+
+def redraws(value: Any) -> bool:
+    """Return whether another draw in the same run can give another value; names keep theirs."""
+    if isinstance(value, list):
+        return all(redraws(entry) for entry in value)
+    return not isinstance(value, NamedFormula)
 
 
 def mean_square(value: float | Distribution) -> float:
@@ -223,7 +357,7 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
             check_numbers(entry, problems.at(index), positive)
     elif isinstance(value, Distribution):
         value.check(problems, positive)
-        for name, numbers in vars(value).items():
+        for name, numbers in vars(value).items() if not isinstance(value, NamedFormula) else ():
             with problems.at(name).catching():
                 check_sizes(() if problems else numbers)
     elif isinstance(value, Keys):
@@ -279,6 +413,8 @@ class VehiclePart(Component):
     """How the part takes the loop away from the one that theorems are about, in a few words."""
     positive: ClassVar[tuple[str, ...]] = ()
     """Options whose numbers must be greater than 0."""
+    in_time: ClassVar[tuple[str, ...]] = ()
+    """Options whose entries may depend on t."""
 
     @property
     def varies(self) -> bool:
@@ -334,6 +470,16 @@ class VehiclePart(Component):
                         self._as_array(name, drawn(value, None), G)
 
 
+def check_still(value: Any, problems: Problems) -> None:
+    """Note formulas in names that depend on t, where a number is expected."""
+    for index, entry in enumerate(value if isinstance(value, list) else [value]):
+        here = problems.at(index) if isinstance(value, list) else problems
+        if isinstance(entry, list):
+            check_still(entry, here)
+        elif isinstance(entry, NamedFormula) and entry.moves:
+            here.add(f"expected a number in each run, got '{entry}', which depends on t")
+
+
 class PartKind(Kind):
     """Marks a part of a vehicle: what the class says of its numbers holds, whatever its check."""
 
@@ -341,13 +487,20 @@ class PartKind(Kind):
         """Return the part that a value describes, or None after noting its errors."""
         part = super().checked(value, problems, group)
         if part is not None and not problems:
-            for name in option_names(type(part)):
-                number, is_positive = getattr(part, name), name in part.positive
-                if number is not None and (is_positive or is_drawn(number)):
-                    check_numbers(number, problems.at(name), is_positive)
-            if isinstance(part, Timed) and not problems:
-                part.check_times(problems)
+            check_declared(part, problems)
         return part
+
+
+def check_declared(part: VehiclePart, problems: Problems) -> None:
+    """Note numbers and times of a part that its class does not allow."""
+    for name in option_names(type(part)):
+        number, is_positive = getattr(part, name), name in part.positive
+        if number is not None and (is_positive or is_drawn(number)):
+            check_numbers(number, problems.at(name), is_positive)
+        if name not in part.in_time:
+            check_still(number, problems.at(name))
+    if isinstance(part, Timed) and not problems:
+        part.check_times(problems)
 
 
 def check_count(value: Numbers, count: int, of: str, problems: Problems, deviations: bool) -> None:
@@ -493,6 +646,11 @@ class TrueInertia(VehiclePart):
 
     departs: ClassVar[str] = "inertia not as believed"
 
+    @property
+    def unloaded(self) -> "TrueInertia | None":
+        """The inertia without what the body carries; None for that of the model."""
+        return self
+
     @abstractmethod
     def at(self, model: Inertia, t: Any) -> Inertia:
         """Return the true tensor at time t, where `model` is the tensor of the law."""
@@ -513,7 +671,7 @@ class RelativeInertia(TrueInertia):
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with an r for which 1 + r is greater than 0."""
         relative = drawn(self.relative, random)
-        while 1.0 + relative <= 0:
+        while 1.0 + relative <= 0 and redraws(self.relative):
             relative = drawn(self.relative, random)
         return with_fields(self, relative=np.array([relative]))
 
@@ -542,7 +700,8 @@ class ConstantInertia(TrueInertia):
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with matrix and inverse; draws that are not definite are repeated."""
         matrix = square(drawn(self.matrix, random), G.dimension, G)
-        while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
+        redrawn = random is not None and redraws(self.matrix)
+        while redrawn and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
         # Exact fractions, as for inertia that is not drawn, take long for each run.
         return with_fields(self, matrix=matrix, inverse=inverse_spd(matrix))

@@ -459,6 +459,8 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         config, laws, gains, G, inertia, vehicle, forces, desired, problems
     )
     start = start_from(config, G, desired, home, problems.at("initial"))
+    if config.draws is not None and start is not None:
+        start = function_for("starts of draws")(start, config, document, problems, last.take, G)
     sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
     for law in laws.values():
         place = f"controllers[{law.index}]"
@@ -536,7 +538,8 @@ def _check_instants(loop: ClosedLoop, until: float, rtol: float, problems: Probl
         if hasattr(part, "instants"):
             with problems.at(*path).catching():
                 part.instants(loop.group, until)
-                for expression in filter(None, getattr(part, "expressions", ())):
+                expressions, named = getattr(part, "expressions", ()), getattr(part, "named", None)
+                for expression in filter(None, named.bound(expressions) if named else expressions):
                     if lost := missed(expression, until, rtol):
                         problems.at(*path).add(lost)
 
@@ -552,6 +555,9 @@ def _validated(
         With the problems of all keys.
     """
     data = document.data
+    if data.get("draws") is not None:
+        data = function_for("draws")(document, problems, last.take)
+        problems.raise_if_any()
     name, at_group = data.get("group"), problems.at("group")
     G = last.take("group", at_group, lambda: _group(data, at_group), name)
     config, keys = last.config, data.keys() | last.data.keys()
@@ -827,7 +833,7 @@ def with_runs_of(config: Config, start: Start | None, problems: Problems) -> Con
         return config.model_copy(update={"ensemble": ensemble})
     if config.ensemble.runs > start.rows:
         problems.at("ensemble", "runs").add(
-            f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
+            f"expected at most {start.rows}, the number of rows of {', '.join(start.files)}, "
             f"got {config.ensemble.runs}"
         )
     return config

@@ -1,5 +1,6 @@
 """Pre-flight: what eqt tries of an experiment before it integrates a run, in this order.
 
+0. What extensions check: can parts have the numbers that each run draws?
 1. `try_parts`: parts of the user's own but for laws, at the start of the reference. Are their
    arrays of the right shape, for some runs and samples?
 2. `try_laws`: initial states and laws, where one of what they need is the user's own, at the start
@@ -17,7 +18,7 @@
    each is alone?
 7. `estimate`: how long will it take?
 
-Every command that builds an experiment begins with 1 and 2, at every point of a sweep. After them
+Every command that builds an experiment begins with 0 to 2, at every point of a sweep. After them
 
 - `config check` does 5, 3, 6 and 4;
 - `run` and `sweep` do 4, about the reference at its start only, 5, and 6 without a solver; so do
@@ -38,6 +39,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, Problems, dotted
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
@@ -78,6 +80,9 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
         If a component of the user's own fails while it is made.
     """
     experiment, problems = assemble(document, last), Problems(document.place)
+    for check in functions_for("checks of an experiment"):  # they note problems
+        check(experiment, problems)
+    problems.raise_if_any()
     try_parts(experiment, problems)
     problems.raise_if_any()
     experiment = designed_laws(experiment, problems)

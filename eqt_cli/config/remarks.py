@@ -17,11 +17,11 @@ from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import THRUSTER, SmallErrors
-from eqt_cli.components.forces import Force
+from eqt_cli.components.forces import Force, weighed
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.laws import RunsCode
-from eqt_cli.components.vehicle import ACTUATORS, navigates, without_inner
+from eqt_cli.components.vehicle import ACTUATORS, Vehicle, navigates, without_inner
 from eqt_cli.config.document import value_at
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Problem, Work
@@ -118,14 +118,13 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
         (("initial", "file"), text) for text in getattr(experiment.start.poses, "notes", ())
     )
     yield from _actuator_remarks(experiment)
-    now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
-    now = now if true is None else true.at(now, 0.0)
+    now, plant = body_of(loop.inertia.at(0.0), loop.vehicle), experiment.config.plant
     section = "plant" if plant and plant.forces else "model"
     model = experiment.config.known_forces
     if section == "plant" and model and model != "plant":  # what laws know need not be what acts
-        means = [force.of_run(G, None) for force in model]
-        yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")
-    yield from _force_remarks(G, loop.vehicle.forces, now, section)
+        means = weighed(G, tuple(force.of_run(G, None) for force in model), loop.inertia)
+        yield from force_remarks(G, means, loop.inertia.at(0.0), "model")
+    yield from force_remarks(G, loop.vehicle.forces, now, section)
     for key, text in _lever_remarks(experiment, now, shown):
         yield (section, *key), text
     for index, force in enumerate(loop.vehicle.forces):
@@ -162,9 +161,16 @@ def _actuator_remarks(experiment: Experiment) -> Placed:
         yield (ACTUATORS, index), text if of_all else f"{text} ({names})"
 
 
-def _force_remarks(
+def body_of(model: Inertia, vehicle: Vehicle) -> Inertia:
+    """Return the true inertia of a vehicle of a run without what it carries, at the start."""
+    true = vehicle.inertia and vehicle.inertia.unloaded
+    return model if true is None else true.at(model, 0.0)
+
+
+def force_remarks(
     G: MatrixLieGroup, forces: Sequence[Force], inertia: Inertia, section: str
 ) -> Placed:
+    """Yield the remarks of forces on a body, each with its key."""
     kinds = [force.name for force in forces]
     for index, force in enumerate(forces):
         for key, text in force.remarks(G, inertia):

@@ -991,6 +991,10 @@ class Config(Section):
         have its own `label`, `gains`, `known_forces`, and `inner`, the blocks of its firmware.
     plant
         The plant, where it differs from what the laws know: `inertia`, and `forces`.
+    draws
+        Numbers that each run draws, by names for the formulas of `plant`, `actuators`, `sensors`
+        and `initial`: {W: {uniform: [2, 8]}, 'a, b': {normal: {mean: [0, 0], covariance: [[1, 0.5],
+        [0.5, 1]]}}}, or {table: FILE}, a row for each run.
     actuators
         What a command passes on its way to the plant, in order (`eqt list actuators`).
     control
@@ -1057,6 +1061,7 @@ class Config(Section):
     controllers: Annotated[list[AnyLaw], ON_GROUP] = Field(min_length=1)
     model: Annotated[ModelSection | None, ON_GROUP, VEHICLE] = None
     plant: Annotated[PlantSection | None, ON_GROUP, VEHICLE, PLANT] = None
+    draws: Annotated[dict[str, Any] | None, ON_GROUP, VEHICLE, STARTS] = None
     actuators: Annotated[list[AnyActuator] | None, ON_GROUP, VEHICLE, PLANT] = None
     control: Annotated[ControlSection | None, ON_GROUP, VEHICLE] = None
     sensors: Annotated[SensorsSection | None, ON_GROUP, VEHICLE] = None

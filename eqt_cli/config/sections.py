@@ -15,7 +15,7 @@ from eqt_cli.base.stored import WHEEL
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import Actuator, VariesInTime
-from eqt_cli.components.forces import Force, currents, in_currents
+from eqt_cli.components.forces import Force, currents, follows_mass, in_currents, mass_of, weighed
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import (
     OTHER_SIGN,
@@ -620,6 +620,9 @@ def vehicle_from(
     _check_loads(inertia, model, forces or (), problems.at(section, "forces"))
     if model is not None and not problems:
         _check_jumps(model, inertia, G, horizon, problems)
+        _check_weights(forces or (), model, inertia, G, problems.at(section, "forces"))
+        of_model = of_laws if isinstance(of_laws, list) else ()
+        _check_weights(of_model, model, None, G, problems.at("model", "forces"))
     vehicle = Vehicle(
         inertia,
         tuple(forces or ()),
@@ -660,6 +663,30 @@ def _check_loads(
         if isinstance(force, vehicle_parts.CarriesMass) and getattr(law, "leaves", False):
             said = "keeps the momentum, and the mass of the inertia leaves at the velocity"
             problems.at(index).add(f"{said} of the body; write `leaves: false`, or remove one")
+
+
+def _check_weights(
+    forces: Sequence[Force],
+    model: InertiaLaw,
+    true: vehicle_parts.TrueInertia | None,
+    G: MatrixLieGroup,
+    problems: Problems,
+) -> None:
+    """Note weights that follow from a mass that is not one number."""
+    body = model
+    if isinstance(true, vehicle_parts.VaryingInertia):
+        body = true.law
+    elif true is not None:
+        body = true.of_run(G, None).at(model.at(0.0), 0.0)
+    for index in (k for k, force in enumerate(forces) if follows_mass(force)):
+        here = problems.at(index, "gravity")
+        if not isinstance(body, Inertia):
+            here.add("needs a constant inertia; write the weight m(t) g as kind: expression")
+        elif mass_of(G, body) is None or (body.added is None and model.at(0.0).added is not None):
+            here.add(
+                "needs the mass of the body alone, and the inertia has another one by axis; write "
+                "it as {rigid: …, added: …}, and that of the plant relative to it"
+            )
 
 
 def _check_jumps(
@@ -793,10 +820,10 @@ def _times(
 
 
 def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
-    """Return the forces that laws with a model know, with their mean numbers."""
+    """Return the forces that laws with a model know, with their mean numbers and its mass."""
     forces = config.known_forces
     if forces == "plant":
-        return vehicle.forces
+        return weighed(G, vehicle.forces, vehicle.model)
     known_parts = tuple(part.of_run(G, None) for part in forces or ())
     return in_currents(G, known_parts, vehicle.model) if known_parts else ()
 
@@ -851,6 +878,7 @@ def _inertia(
     if isinstance(section, schema.RelativeInertiaSection):
         value, here = section.relative, problems.at("relative")
         vehicle_parts.check_numbers(value, here)
+        vehicle_parts.check_still(value, here)
         if not here and vehicle_parts.drawn(value, None) <= -1:
             here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
         return vehicle_parts.RelativeInertia(value)
@@ -858,6 +886,7 @@ def _inertia(
         law = inertia_from(section, G, horizon, problems)
         return None if law is None else vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)
+    vehicle_parts.check_still(section, problems)
     if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:
         return None
     return vehicle_parts.ConstantInertia(section)

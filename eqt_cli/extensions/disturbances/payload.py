@@ -36,6 +36,11 @@ class LoadedInertia(TrueInertia):
     load: Any
     presence: Presence | None
 
+    @property
+    def unloaded(self) -> TrueInertia | None:
+        """The inertia without the mass; None for that of the model."""
+        return self.body and self.body.unloaded
+
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return those of the body; the payload has its own."""
         return np.empty(0) if self.body is None else self.body.instants(G, until)

@@ -26,6 +26,7 @@ from eqt_cli.components.vehicle import ESTIMATOR, FORCES, RandomOf, Vehicle
 from eqt_cli.components.vehicle_parts import (
     ConstantInertia,
     Distribution,
+    NamedFormula,
     TrueInertia,
     VehiclePart,
     is_drawn,
@@ -122,7 +123,7 @@ def _entries(value: Any) -> Iterator[tuple[int | str, ...]]:
     if isinstance(value, list):
         for k, inside in enumerate(value):
             yield from ((k, *inner) for inner in _entries(inside))
-    elif is_drawn(value):
+    elif is_drawn(value) and not isinstance(value, NamedFormula):  # its names are stored
         yield ()
 
 

@@ -142,7 +142,7 @@ class Model:
         if limits is None and self.thrusters is None:
             size = np.diag(self.inertia.matrix) @ np.abs(self.columns)
             return np.asarray(random.standard_normal((count, k)) * size)
-        held = (f for f in self.loop.vehicle.forces if isinstance(f, Restoring))
+        held: Any = (f for f in self.loop.vehicle.forces if isinstance(f, Restoring))
         hover = abs(sum(np.sum(f.weight) - np.sum(f.buoyancy) for f in held)) / k or 1.0
         low, high = limits or np.multiply(HOVER, hover)
         return np.asarray(random.uniform(low, high, (count, k)))

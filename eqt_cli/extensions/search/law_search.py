@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations, count
 from pathlib import Path
@@ -251,6 +251,14 @@ def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
         for (one, key), (other, others) in combinations(zip(law.written, law.axes, strict=True), 2):
             if any(overlap(a, b) for a in entries_of(key) for b in entries_of(others)):
                 problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
+
+
+def ends(law: LawSearch) -> Iterator[tuple[str, Experiment]]:
+    """Yield the experiments of a law alone at the ends of its ranges, each with where that is."""
+    for share, end in ((0.0, "lower"), (1.0, "upper")):
+        if law.axes:
+            where = f"at the {end} ends of all ranges of {law.label}"
+            yield where, build(law.at(law.values([share] * len(law.axes))))
 
 
 def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:

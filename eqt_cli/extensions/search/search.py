@@ -19,6 +19,7 @@ import numpy as np
 from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Problems
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import (
     RUNS_DONE,
     InNotebook,
@@ -148,6 +149,11 @@ class Searches(ABC, Generic[S]):
                 law_search.check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
         problems.raise_if_any()
         return search
+
+    def remark_on_ends(self) -> None:
+        """Tell what is remarked on values at both ends of all ranges."""
+        for more in functions_for("remarks on other values"):
+            more(self.base, (end for law in self.laws for end in law_search.ends(law)))
 
     @classmethod
     @abstractmethod
@@ -487,6 +493,7 @@ def carry_out(
         If the folder holds something else, is in use, or cannot be written.
     """
     remark_on(search.base)
+    search.remark_on_ends()
     folder = SearchFolder(out, search.kind)
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):

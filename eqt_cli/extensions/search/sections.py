@@ -10,8 +10,8 @@ def check(document: Document) -> None:
     if document.data.get("tune"):
         from eqt_cli.extensions.search.tune import Search
 
-        Search.read(document)
+        Search.read(document).remark_on_ends()
     if document.data.get("worst"):
         from eqt_cli.extensions.search.worst import WorstSearch
 
-        WorstSearch.read(document)
+        WorstSearch.read(document).remark_on_ends()
