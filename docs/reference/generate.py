@@ -242,7 +242,7 @@ SECTIONS = {
     "System": "name extends task group inertia rigid gains",
     "Desired motion": "reference target",
     "Laws": "controllers model",
-    "Vehicle": "plant actuators control sensors estimator",
+    "Vehicle": "plant draws actuators control sensors estimator",
     "Runs": "initial ensemble time solver store",
     "Sweeps, searches and sliders": "sweep tune worst live",
     "Metrics": "measure settling_threshold failed_when early_window closing_window metrics",

@@ -803,7 +803,7 @@ class AsText:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
-        return {"type": "string"}
+        return number_schema()
 
 
 def plain_data(value: Any) -> Any:

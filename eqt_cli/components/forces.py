@@ -640,9 +640,9 @@ class Restoring(Force):
         assert isinstance(G, EuclideanGroup) and G.translation is not None
         weight: Any = self.weight
         axes, W = G.translation.axes, float(np.max(weight))
-        known = mass_of(G, inertia)
-        is_known, coupling = known is not None, rigid_part(inertia)[: axes.start, axes]
-        mass, I = W / GRAVITY if known is None else known, np.eye(G.space)
+        one, coupling = mass_of(G, inertia), rigid_part(inertia)[: axes.start, axes]
+        is_known, I = one is not None, np.eye(G.space)
+        mass = W / GRAVITY if one is None else one  # with added mass in it, it is not known
         if W and self.gravity is None and abs(W / (mass * GRAVITY) - 1) > UNLIKE:
             yield (
                 "weight",

@@ -357,7 +357,8 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
             check_numbers(entry, problems.at(index), positive)
     elif isinstance(value, Distribution):
         value.check(problems, positive)
-        for name, numbers in vars(value).items() if not isinstance(value, NamedFormula) else ():
+        numbers_of = {} if isinstance(value, NamedFormula) else vars(value)
+        for name, numbers in numbers_of.items():
             with problems.at(name).catching():
                 check_sizes(() if problems else numbers)
     elif isinstance(value, Keys):
@@ -485,8 +486,14 @@ class PartKind(Kind):
 
     def checked(self, value: Any, problems: Problems, group: MatrixLieGroup | None = None) -> Any:
         """Return the part that a value describes, or None after noting its errors."""
-        part = super().checked(value, problems, group)
-        if part is not None and not problems:
+        part = self.read(value, problems, group)
+        if part is None:
+            return None
+        for name in set(option_names(type(part))) - {*part.in_time}:
+            check_still(getattr(part, name), problems.at(name))
+        if group is not None and not problems:
+            part.check(group, problems)
+        if not problems:
             check_declared(part, problems)
         return part
 
@@ -497,8 +504,6 @@ def check_declared(part: VehiclePart, problems: Problems) -> None:
         number, is_positive = getattr(part, name), name in part.positive
         if number is not None and (is_positive or is_drawn(number)):
             check_numbers(number, problems.at(name), is_positive)
-        if name not in part.in_time:
-            check_still(number, problems.at(name))
     if isinstance(part, Timed) and not problems:
         part.check_times(problems)
 

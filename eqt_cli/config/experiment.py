@@ -19,6 +19,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import THRUSTER, distinct_titles

@@ -221,11 +221,11 @@ def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]])
     others
         Experiments, each with where it is, in words.
     """
-    told = {key for key, _ in [*_of_values(base, base.loop.vehicle), *remarks(base, None)]}
+    remarked = {key for key, _ in [*_of_values(base, base.loop.vehicle), *remarks(base, None)]}
     for where, experiment in others:
         of_means = _of_values(experiment, experiment.loop.vehicle)
         for key, text in [*of_means, *remarks(experiment, None)]:
-            if key not in told:
-                told.add(key)
+            if key not in remarked:
+                remarked.add(key)
                 problem = experiment.document.problem(key, f"{where}: {text}")
                 reporter().remark(EqtWarning(str(problem)))

@@ -197,11 +197,12 @@ def taken_names(document: Document) -> set[str]:
     """Return the names of sweeps and searches of a configuration."""
 
     def inside(value: Any) -> Iterator[str]:
-        for entry in value if isinstance(value, list) else ():
-            yield from inside(entry)
-        for key, entry in value.items() if isinstance(value, dict) else ():
-            yield str(key)
-            yield from inside(entry)
+        if isinstance(value, dict):
+            yield from map(str, value)
+            value = [*value.values()]
+        if isinstance(value, list):
+            for entry in value:
+                yield from inside(entry)
 
     both = document.source.data or {}, document.data
     names = (data.get(key) for data in both for key in ("sweep", "tune", "worst"))
@@ -275,8 +276,8 @@ def read_number(entry: Any, group: Collection[str], readable: Collection[str]) -
         entry = constant(number) * size
     text = entry if isinstance(entry, str) else repr(float(entry))
     expression = formula(text, (*readable, *group))
-    if own := sorted(expression.variables & {*group}):
-        raise InputError(f"'{entry}' reads {own[0]}, which it defines; remove the circle")
+    if circle := sorted(expression.variables & {*group}):
+        raise InputError(f"'{entry}' reads {circle[0]}, which it defines; remove the circle")
     return expression
 
 
