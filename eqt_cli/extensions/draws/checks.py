@@ -213,19 +213,21 @@ def _of_values(experiment: Experiment, vehicle: Vehicle) -> Iterator[tuple[KeyPa
         yield ("plant", "inertia"), f"not of a rigid body: its {broken}"
 
 
-def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]]) -> None:
-    """Tell what is remarked on values at points of a sweep, or at ends of ranges, alone.
+def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]]) -> tuple[str, ...]:
+    """Tell and return what is remarked on values at points of a sweep, or at ends of ranges, alone.
 
     Parameters
     ----------
     others
         Experiments, each with where it is, in words.
     """
-    remarked = {key for key, _ in [*_of_values(base, base.loop.vehicle), *remarks(base, None)]}
+    keys = {key for key, _ in [*_of_values(base, base.loop.vehicle), *remarks(base, None)]}
+    noted = []
     for where, experiment in others:
         of_means = _of_values(experiment, experiment.loop.vehicle)
         for key, text in [*of_means, *remarks(experiment, None)]:
-            if key not in remarked:
-                remarked.add(key)
-                problem = experiment.document.problem(key, f"{where}: {text}")
-                reporter().remark(EqtWarning(str(problem)))
+            if key not in keys:
+                keys.add(key)
+                noted.append(experiment.document.problem(key, f"{where}: {text}"))
+                reporter().remark(EqtWarning(str(noted[-1])))
+    return tuple(f"{problem.path}: {problem.message}" for problem in noted)
