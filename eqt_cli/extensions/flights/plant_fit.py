@@ -1,7 +1,7 @@
 """Fits numbers of a plant by least squares, so that it predicts windows of a recording best."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -232,6 +232,15 @@ class _FitProblem:
                 fits.append(prediction.linear(predicted, self.windows.noise))
             return fits
 
+    def find_actuators(self, numbers: Array) -> bool:
+        """Let windows find the states of actuators that no commands tell; whether more do so."""
+        before = prediction.commanded(self.driven(build(self.at(numbers))))
+        cut, recording = list(self.cut), self.windows.recording
+        for k, window in enumerate(cut):
+            if not (len(window.actuators) or before.are_told(recording, window.rows.start)):
+                self.cut[k] = replace(window, actuators=np.zeros(before.count))
+        return any(new is not old for new, old in zip(self.cut, cut, strict=True))
+
     def solved(self, start: Array) -> tuple[Array, list[Linear]]:
         """Return the numbers of the smallest sum of squares, and all windows near them."""
         from scipy.optimize import least_squares  # slow to import
@@ -297,7 +306,7 @@ class _FitProblem:
         residuals = np.concatenate([one.residuals for one in fits])
         squares = np.full(len(measured), np.nan)
         squares[measured] = np.mean(residuals.reshape(-1, int(measured.sum())) ** 2, axis=0)
-        fitted += len(fits) * len(measured)
+        fitted += sum(len(one.state) for one in fits)
         freedom = max(len(residuals) - fitted, 1)
         return self.windows.noise * np.sqrt(squares * len(residuals) / freedom)
 
@@ -327,6 +336,7 @@ def fit(
             f"{name}: has {len(problem.cut)} windows of {windows.horizon:g} s that share no row; "
             f"intervals need at least {FEWEST}, so give a shorter horizon"
         )
+    problem.find_actuators(start)
     first = problem.linearised(start)
     if first is None:
         raise EqtError(
@@ -341,8 +351,9 @@ def fit(
         # Corrects the first states, by less than a part of the noise in the end
         pairs = zip(problem.cut, fits, strict=True)
         problem.cut = [window.moved(G, one.state) for window, one in pairs]
-        corrections = np.abs([one.state for one in fits])[:, is_noisy]
-        if (corrections / windows.noise[is_noisy]).max() < SETTLED:
+        corrections = np.abs([one.state[: len(is_noisy)] for one in fits])[:, is_noisy]
+        is_settled = (corrections / windows.noise[is_noisy]).max() < SETTLED
+        if not problem.find_actuators(numbers) and is_settled:
             break
     singular = problem.require_distinct(fits)
     after = problem.sizes(fits, len(keys))

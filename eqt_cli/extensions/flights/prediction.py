@@ -219,18 +219,45 @@ def _follows_linearly(actuator: Actuator, G: MatrixLieGroup) -> bool:
     return np.allclose(np.array([1, 1, -1, -1]) @ actuator.state_rate(G, command, x), 0.0)
 
 
-def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
-    """Return a function of time: the states of the actuators, ẋ = A x + b(command), ``(n,)``.
+FORGOTTEN = 10.0
+"""Time constants after which an unknown state of an actuator counts no more: e⁻¹⁰ is 5e-5."""
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """The states of actuators, ẋ = A x + b(command), as a function of time, ``(n,)``.
 
     They start in equilibrium with the first command. A gap holds the command before it.
+
+    Attributes
+    ----------
+    count
+        How many there are.
+    memory
+        Time after which they no longer depend on an unknown state, s.
+    at
+        The function.
     """
+
+    count: int
+    memory: float
+    at: Callable[[float], Array]
+
+    def are_told(self, recording: Recording, row: int) -> bool:
+        """Whether the commands before a row, since the start or a gap, tell them there."""
+        begins = max((gap + 1 for gap in recording.gaps.tolist() if gap < row), default=0)
+        return not self.count or recording.times[row] - recording.times[begins] >= self.memory
+
+
+def commanded(loop: ClosedLoop) -> Commanded:
+    """Return the states of the actuators of a loop under the recorded wrench."""
     from scipy.linalg import expm  # slow to import
 
     G, law, vehicle = loop.group, loop.controller, loop.vehicle
     assert isinstance(law, Replay)
     recording, ends = law.recording(G), np.cumsum([*vehicle.states(G).values()])
     if not len(ends):
-        return lambda t: np.empty(0)
+        return Commanded(0, 0.0, lambda t: np.empty(0))
     n, u, times = int(ends[-1]), recording.wrenches, recording.times
 
     def rates(command: Array, x: Array) -> Array:
@@ -257,7 +284,7 @@ def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
         k = max(int(np.searchsorted(times, t, side="right")) - 1, 0)
         return expm(whole * (t - times[k]))[:n] @ np.concatenate([x[k], b[k], slopes[k]])
 
-    return at
+    return Commanded(n, FORGOTTEN / np.abs(np.linalg.eigvals(A).real).min(), at)
 
 
 def by_rotors(vehicle: Vehicle, recording: Recording) -> Recording:
@@ -326,16 +353,25 @@ class ReplayWindow:
     pose : (d, d)
     velocity : (m,)
         The state in the first row.
+    actuators : (n,)
+        Where earlier commands do not tell the states of the actuators there, what is added to those
+        of `Commanded`; else empty.
     """
 
     rows: slice
     pose: Array
     velocity: Array
+    actuators: Array = field(default_factory=lambda: np.empty(0))
 
     def moved(self, G: MatrixLieGroup, by: Array) -> ReplayWindow:
-        """Return the window with its first state moved by coordinates of pose and velocity."""
-        m = G.dimension
-        return replace(self, pose=self.pose @ G.exp(by[:m]), velocity=self.velocity + by[m:])
+        """Return the window with its first state moved: pose, velocity, and actuators."""
+        pose, velocity, actuators = np.split(by, [G.dimension, 2 * G.dimension])
+        return replace(
+            self,
+            pose=self.pose @ G.exp(pose),
+            velocity=self.velocity + velocity,
+            actuators=self.actuators + actuators,
+        )
 
 
 @dataclass(frozen=True)
@@ -453,8 +489,9 @@ class PredictionErrors:
     ----------
     values : (rows, 2m)
         Errors of the pose, log(Q⁻¹Q̂) with the measured Q, and of the velocity.
-    by_state : (rows, 2m, 2m)
-        Derivatives by the coordinates of the first state.
+    by_state : (rows, 2m, 2m + n)
+        Derivatives by the coordinates of the first state, and by states of actuators that no
+        commands tell.
     by_number : (rows, 2m, p)
         Derivatives by the numbers of the plant.
     """
@@ -466,7 +503,7 @@ class PredictionErrors:
 
 def prediction_errors(
     loops: Sequence[ClosedLoop],
-    before: Sequence[Callable[[float], Array]],
+    before: Sequence[Commanded],
     steps: Array,
     engine: Engine,
     recording: Recording,
@@ -493,21 +530,25 @@ def prediction_errors(
         Step of the delay, s. If it is not 0, the last derivative by a number is that by the delay.
     """
     G, m, p = recording.group, recording.group.dimension, len(loops) - 2
+    n = 2 * m + len(window.actuators)
+    by = np.full(n, STEP)
+    by[2 * m :] *= np.nanmax(np.abs(recording.wrenches), initial=0.0) or 1.0
     # Of each run: how far its start is moved from that of the window, and which loop it has.
-    moves = np.concatenate([np.zeros((1, 2 * m)), STEP * np.eye(2 * m), np.zeros((p, 2 * m))])
-    loop_of_run = np.append(np.ones(1 + 2 * m, dtype=int), np.arange(2, p + 2))
+    moves = np.concatenate([np.zeros((1, n)), np.diag(by), np.zeros((p, n))])
+    loop_of_run = np.append(np.ones(1 + n, dtype=int), np.arange(2, p + 2))
 
     def ends_of(moves: Array, loop_of_run: Array, delay: float) -> Array | None:
-        Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m:]
+        Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m : 2 * m]
         times = recording.times[window.rows] + delay
         problem = Problem(loops[0], Q0, times, differing(list(loops), loop_of_run))
         loop = problem.batched_loop()
         states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
         stretches = [loop.layout.slices[VEHICLE + name] for name in loop.vehicle.states(G)]
         places = np.r_[*stretches, :0]
-        states[:, places] = np.array([function(float(times[0])) for function in before])[
-            loop_of_run
-        ]
+        told = np.array([states_of.at(float(times[0])) for states_of in before])
+        states[:, places] = told[loop_of_run]
+        if len(window.actuators):
+            states[:, places] += window.actuators + moves[:, 2 * m :]
         problem = replace(problem, states=states)
         solution = engine.solve(problem)
         if solution.status.any():
@@ -524,7 +565,7 @@ def prediction_errors(
     if ends is None or delayed is None:
         return None
     change = ends[1:] - ends[0]
-    by_state, by_number = change[: 2 * m] / STEP, change[2 * m :] / steps[:, None, None]
+    by_state, by_number = change[:n] / by[:, None, None], change[n:] / steps[:, None, None]
     by_number = np.concatenate([by_number, (delayed - ends[:1]) / (delay_step or 1.0)])
     return PredictionErrors(ends[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
 
@@ -555,8 +596,8 @@ class Linear(NamedTuple):
         Its errors that remain for the best first state.
     derivatives : (n, p)
         Their derivatives by the numbers.
-    state : (2m,)
-        The correction of the first state.
+    state : (2m + n,)
+        The correction of the first state, with that of actuators that no commands tell.
     """
 
     residuals: Array
@@ -573,8 +614,9 @@ def linear(errors: PredictionErrors, noise: Array) -> Linear:
 
     parts = errors.values[..., None], errors.by_state, errors.by_number
     r, by_state, by_number = map(weighted, parts)
-    m, state = len(noise) // 2, np.zeros(len(noise))
-    free = measured | (np.arange(2 * m) >= m)  # a pose that was not measured stays
+    state = np.zeros(by_state.shape[1])
+    free = np.arange(len(state)) >= len(noise) // 2  # a pose that was not measured stays
+    free[: len(noise)] |= measured
     basis, R = np.linalg.qr(by_state[:, free])
     state[free] = -np.linalg.lstsq(R, basis.T @ r)[0][:, 0]
     return Linear(

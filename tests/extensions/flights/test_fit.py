@@ -643,14 +643,24 @@ def test_what_is_refused(recorded, message):
 
 
 @pytest.mark.parametrize(
-    ("columns", "hold"), [("t,angle,wz,tz", "zero"), ("t,wz,tz", "zero"), ("t,wz,tz", "linear")]
+    ("columns", "hold", "x", "gap_at"),
+    [
+        ("t,angle,wz,tz", "zero", 0.0, None),
+        ("t,wz,tz", "zero", 0.0, None),
+        ("t,wz,tz", "linear", 0.0, None),
+        ("t,angle,wz,tz", "zero", 1.5, None),  # not in equilibrium with the first command
+        ("t,wz,tz", "linear", -3.0, None),
+        ("t,angle,wz,tz", "zero", 0.0, 60),  # other commands were given in the gap
+    ],
 )
-def test_a_lag_starts_from_the_commands_before_a_window(tmp_path, monkeypatch, columns, hold):
+def test_a_lag_starts_from_the_commands_before_a_window(
+    tmp_path, monkeypatch, columns, hold, x, gap_at
+):
     """J ω̇ = 0.8 x, T ẋ = u − x, with commands that are held or ramps, in closed form."""
     monkeypatch.chdir(tmp_path)
     J, s, T, h = 2.0, 0.8, 0.06, 0.02
-    x, w, angle, rows = 0.0, 0.0, 0.0, []
-    commands = np.r_[0.0, np.random.default_rng(0).normal(size=120)].tolist()
+    w, angle, rows = 0.0, 0.0, []
+    commands = np.r_[0.0, np.random.default_rng(0).normal(size=160)].tolist()
     for k, (u, then) in enumerate(pairwise(commands)):
         rows.append([h * k, angle, w, u] if "angle" in columns else [h * k, w, u])
         ramp, decay = (then - u) / h * (hold == "linear"), np.exp(-h / T)
@@ -659,6 +669,9 @@ def test_a_lag_starts_from_the_commands_before_a_window(tmp_path, monkeypatch, c
         twice = u * h**2 / 2 + ramp * (h**3 / 6 - T * h**2 / 2) + gap * T * (h - T * (1 - decay))
         angle, w = angle + h * w + s / J * twice, w + s / J * once
         x = u + ramp * (h - T) + gap * decay
+
+    if gap_at:
+        del rows[gap_at : gap_at + 10]
     np.savetxt("a.csv", rows, delimiter=",", header=columns, comments="", fmt="%.12g")
     actuators = [{"kind": "lag", "time_constant": 0.04}, {"kind": "scale", "factor": 1.0}]
     config = model("SO3", inertia=J, plant={}, actuators=actuators) | {"group": "SO2"}
