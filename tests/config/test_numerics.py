@@ -8,7 +8,9 @@ import pytest
 from ci_cases import mostly_ci
 from drawn_starts import draw_initial_states
 from said import says
+from small_experiment import mapping
 
+from eqt_cli.api import load_experiment
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
@@ -143,3 +145,41 @@ def test_shipped_configurations_are_well_conditioned(name):
         assert expected[name] in found[0]
     else:
         assert found == []
+
+
+WRONG_SIGN = """
+from eqt_cli.extend import Controller
+
+class Wrong(Controller):
+    name = "wrong"
+    title = "Wrong"
+
+    def torque(self, s):
+        r = s.relative
+        return r.cancelling_feedforward + r.gradient - r.body_damping
+"""
+
+
+@pytest.mark.parametrize("control", [None, {"period": 0.001}, {"period": 0.04}])
+@pytest.mark.parametrize("shows", [True, False])
+def test_a_wrong_sign_is_told_at_any_clock(monkeypatch, tmp_path, control, shows):
+    """With J = 2, a spring of 2 kp = 3 of the wrong sign and kd = 1: λ² + λ/2 − 3/2 = 0."""
+    monkeypatch.chdir(tmp_path)
+    Path("wrong.py").write_text(WRONG_SIGN)
+    moves = {"kind": "rates", "rates": ["0.5*cos(t)", "0.3*sin(2*t)", 0.2], "pose": "identity"}
+    base = load_experiment(
+        mapping(
+            inertia=[2.0, 2.0, 2.0],
+            gains={"kp": 1.5, "kd": 1.0},
+            controllers=["lee2010", "wrong"],
+            plugins=["wrong.py"],
+            reference=moves,
+            control=control,
+            time={"duration": 5, "samples": 11},
+        )
+    ).base
+    shown = base.reference_over_horizon() if shows else None  # `eqt run` looks at the start first
+    (said,) = [str(one) for one in remarks(base, shown) if "unstable" in str(one)]
+    assert "'wrong' is unstable wherever the reference is held: small errors grow at" in said
+    rate = float(said.split("grow at ")[1].split()[0])
+    assert rate == pytest.approx(1.0, rel=0.03)  # a command that is held acts 0.02 s late

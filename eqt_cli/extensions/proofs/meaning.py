@@ -99,11 +99,14 @@ def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator
     """Yield the slowest pole of each law along the reference, and which laws fly with others."""
     laws = dict[tuple[str, str, str], list[str]]()
     for label, errors in flown.items():
-        inner, without = experiment.loops[label].inside, ""
+        loop, without = experiment.loops[label], ""
+        inner, title = loop.inside, experiment.titles[label]
         if inner.controller.memory(inner.group):
             without = ", without the law's own states (`eqt margins` includes them)"
         said = without, errors.poles, errors.departs
-        laws.setdefault(said, []).append(experiment.titles[label])
+        laws.setdefault(said, []).append(
+            title if inner is loop else f"the attitude loop of {title}"
+        )
     for (without, poles, departs), titles in laws.items():
         yield f"slowest pole of {', '.join(titles)} at rest{without}: {poles}"
         if departs:
