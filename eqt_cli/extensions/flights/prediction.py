@@ -545,8 +545,8 @@ def prediction_errors(
         states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
         stretches = [loop.layout.slices[VEHICLE + name] for name in loop.vehicle.states(G)]
         places = np.r_[*stretches, :0]
-        told = np.array([states_of.at(float(times[0])) for states_of in before])
-        states[:, places] = told[loop_of_run]
+        starts = np.array([states_of.at(float(times[0])) for states_of in before])
+        states[:, places] = starts[loop_of_run]
         if len(window.actuators):
             states[:, places] += window.actuators + moves[:, 2 * m :]
         problem = replace(problem, states=states)
