@@ -84,7 +84,7 @@ def run(
         )
     loaded = loaded if force else ResultFolder(folder).begun(loaded)
     noted = remark_on(loaded.base)
-    for more in functions_for("remarks on other values"):
+    for more in functions_for(purposes.remarks_on_other_values):
         points = ((f"at point {k}", loaded.experiment(k)) for k in range(1, len(loaded)))
         noted += more(loaded.base, points)
     loaded = replace(loaded, remarks=noted)

@@ -78,6 +78,35 @@ def remarks_on_an_experiment(
 
 
 @every
+def checks_of_an_experiment(experiment: core.Experiment, problems: core.Problems) -> None:
+    """Note what no run can have; every command that builds an experiment."""
+
+
+@every
+def remarks_on_other_values(
+    base: core.Experiment, others: Iterable[tuple[str, core.Experiment]]
+) -> tuple[str, ...]:
+    """Tell remarks that `base` has not; points of sweeps and ends of ranges, with where."""
+
+
+@one("draws")
+def draws(document: core.Document, problems: core.Problems, take: Any) -> dict[str, Any]:
+    """Return the data of a configuration, its formulas in names of `draws` parsed."""
+
+
+@one("draws of initial states")
+def starts_of_draws(
+    start: Any,
+    config: Any,
+    document: core.Document,
+    problems: core.Problems,
+    take: Any,
+    G: core.MatrixLieGroup,
+) -> Any:
+    """Return the starts of runs, with the names and the table of `draws`."""
+
+
+@every
 def meaning_of_an_experiment(experiment: core.Experiment, shown: Any) -> Iterable[Any]:
     """Yield tables and lines on what the numbers of an experiment mean; `eqt config check`."""
 

@@ -315,7 +315,7 @@ def check(
         problems.raise_if_any()
         untried = rehearse(checked, solves=True)
         points = spread(len(checked), MOST_CHECKED)[1:]
-        for more in functions_for("remarks on other values"):
+        for more in functions_for(purposes.remarks_on_other_values):
             more(checked.base, ((f"at point {k}", checked.experiment(k)) for k in points))
         # Extensions check sections of their own; each function takes the document, and raises a
         # `ConfigError` with what is wrong in it.

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.extensions import function_for
@@ -461,7 +462,9 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     )
     start = start_from(config, G, desired, home, problems.at("initial"))
     if config.draws is not None and start is not None:
-        start = function_for("starts of draws")(start, config, document, problems, last.take, G)
+        start = function_for(purposes.starts_of_draws)(
+            start, config, document, problems, last.take, G
+        )
     sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
     for law in laws.values():
         place = f"controllers[{law.index}]"
@@ -557,7 +560,7 @@ def _validated(
     """
     data = document.data
     if data.get("draws") is not None:
-        data = function_for("draws")(document, problems, last.take)
+        data = function_for(purposes.draws)(document, problems, last.take)
         problems.raise_if_any()
     name, at_group = data.get("group"), problems.at("group")
     G = last.take("group", at_group, lambda: _group(data, at_group), name)

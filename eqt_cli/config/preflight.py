@@ -37,6 +37,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, Problems, dotted
 from eqt_cli.base.extensions import functions_for
@@ -80,7 +81,7 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
         If a component of the user's own fails while it is made.
     """
     experiment, problems = assemble(document, last), Problems(document.place)
-    for check in functions_for("checks of an experiment"):  # they note problems
+    for check in functions_for(purposes.checks_of_an_experiment):  # they note problems
         check(experiment, problems)
     problems.raise_if_any()
     try_parts(experiment, problems)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, parse_key
 from eqt_cli.base.option_types import plain_data, shown
 from eqt_cli.base.reporting import reporter
@@ -45,6 +46,7 @@ class _Drawing:
     runs: int
 
 
+@purposes.checks_of_an_experiment
 def check_draws(experiment: Experiment, problems: Problems) -> None:
     """Note what a run would draw and no part may have, with the run and the value.
 
@@ -177,6 +179,7 @@ def _check_masses(drawing: _Drawing, problems: Problems) -> None:
             return
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Any) -> Iterator[tuple[KeyPath, str]]:
     """Yield what is remarked on inertia and forces in some run, and names that nothing reads."""
     yield from unused(experiment)
@@ -213,6 +216,7 @@ def _of_values(experiment: Experiment, vehicle: Vehicle) -> Iterator[tuple[KeyPa
         yield ("plant", "inertia"), f"not of a rigid body: its {broken}"
 
 
+@purposes.remarks_on_other_values
 def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]]) -> tuple[str, ...]:
     """Tell and return what is remarked on values at points of a sweep, or at ends of ranges, alone.
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.components.vehicle_parts import NamedFormula
@@ -41,6 +42,7 @@ def names_of(document: Document, problems: Problems, take: Take) -> DrawnNames |
     return names
 
 
+@purposes.draws
 def with_formulas(document: Document, problems: Problems, take: Take) -> dict[str, Any]:
     """Return the data of a configuration with formulas in names where they may stand.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.random import Generator
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.option_types import validated
@@ -105,6 +106,7 @@ class DrawnVelocities(VelocityDistribution):
         return numbers
 
 
+@purposes.starts_of_draws
 def drawn_start(
     start: Start,
     config: Config,

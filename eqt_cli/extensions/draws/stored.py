@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.store_writer import Variable
@@ -11,6 +12,7 @@ from eqt_cli.config.study import Study
 from eqt_cli.extensions.draws.formulas import names_of
 
 
+@purposes.variables_of_a_result
 def variables(study: Study) -> dict[str, Variable]:
     """Return the numbers of all names as variables of a result, as drawn numbers are."""
     if study.base.config.draws is None:

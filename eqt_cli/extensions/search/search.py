@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.base import files
+from eqt_cli.base import files, purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Problems
 from eqt_cli.base.extensions import functions_for
@@ -152,7 +152,7 @@ class Searches(ABC, Generic[S]):
 
     def remark_on_ends(self) -> None:
         """Tell what is remarked on values at both ends of all ranges."""
-        for more in functions_for("remarks on other values"):
+        for more in functions_for(purposes.remarks_on_other_values):
             more(self.base, (end for law in self.laws for end in law_search.ends(law)))
 
     @classmethod
