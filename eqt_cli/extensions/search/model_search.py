@@ -9,7 +9,7 @@ row confirm the model. Nothing is drawn: equal numbers give equal points.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import combinations_with_replacement
 from typing import Any, Literal
@@ -31,6 +31,9 @@ NEAR = 1e-4
 BOX, SMALLEST = 0.25, 0.01
 """Half the width of the box about the best point, first and at last."""
 
+EXCHANGED = 0.06
+"""Half the width of this box after the best points of other samples were tried, which lie near."""
+
 QUIET = 1e-3
 """Relative gain of a batch below which the search was right; the models then miss the objective at
 their best point by less than twice as much."""
@@ -41,9 +44,13 @@ SPENT = 2e-3
 INSIDE = 5e-4
 """Share of a bound that points leave free, since the models miss it by about so much."""
 
-SAME_ERROR = 0.01
-"""Share of the objective that a law may lose to spend what it has to spend: the accuracy of the
-search. In a flat valley the objective does not say how much to spend."""
+SAME_ERROR = 1e-3
+"""Share of the objective that a law may lose to spend what it has to spend: a tenth of what
+verdicts tell apart. In a flat valley the objective does not say how much to spend."""
+
+WORTH = 0.03
+"""Share of the objective up to which a point that spends more is worth a run: models are wrong far
+from the points that were tried."""
 
 EQUAL = 0.01
 """Relative difference within which what a law spends is equal to what it has to spend."""
@@ -168,11 +175,15 @@ class Best:
         Index of the best one; None if no point keeps the bounds.
     ended
         Why the search ended: it was sure, or its points were used.
+    gained
+        By what share the last exchange with other samples lowered the objective: 1 where it brought
+        the first point that keeps the bounds. None without an exchange.
     """
 
     tried: Tried
     point: int | None
     ended: Literal["sure", "budget"]
+    gained: float | None = None
 
 
 def first_points(axes: int, budget: int, number: int) -> Array:
@@ -184,11 +195,11 @@ def first_points(axes: int, budget: int, number: int) -> Array:
     """
     root = np.roots([1.0, *(axes - 1) * [0.0], -1.0, -1.0]).real.max()  # the golden ratio of 1 axis
     moved = (0.5 + number * root ** -np.arange(1.0, axes + 1)) % 1 - 0.5
-    if axes == 2 and budget >= GRID**2:
+    if axes == 2 and budget >= 2 * GRID**2:
         centres = (np.arange(GRID) + 0.5) / GRID
         grid = np.stack(np.meshgrid(centres, centres, indexing="ij"), axis=-1)
         return np.asarray(grid.reshape(-1, 2) + moved * (1 - 1 / GRID) / GRID)[:budget]
-    count = min(NET * axes, budget)
+    count = min(NET * axes, max(budget // 2, min(axes + 2, budget)))  # the others search
     return np.asarray((_net(axes)[1 : count + 1] + moved) % 1)
 
 
@@ -226,6 +237,8 @@ class ModelSearch:
         A point to try among the first; None without one.
     snapped
         Returns the nearest points that can be tried, where some axes have whole numbers only.
+    tried
+        What was tried before, which does not count: the points of a law that this one contains.
     """
 
     axes: int
@@ -235,13 +248,14 @@ class ModelSearch:
     number: int = 0
     start: Sequence[float] | None = None
     snapped: Callable[[Array], Array] = lambda shares: shares
-    tried: Tried | None = field(default=None, init=False)
+    tried: Tried | None = None
 
     def __post_init__(self) -> None:
+        self.budget += 0 if self.tried is None else len(self.tried)
         self.equal = np.array([bound.equal for bound in self.bounds], dtype=bool)
         self.aims = np.where(self.equal, 0.0, -INSIDE)
         self.most = np.where(self.equal, QUIET, 0.0)
-        self.manner = FEW if self.axes <= 3 else MANY
+        self.manner = FEW if self.axes == 1 else MANY
         self.over = self.manner.over
 
     @property
@@ -251,14 +265,44 @@ class ModelSearch:
 
     def points(self) -> Generator[Array, Tried, Best]:
         """Yield batches of points ``(points, axes)``; what is sent back says how good they are."""
-        first = first_points(self.axes, self.budget, self.number)
+        first = first_points(self.axes, self.left, self.number)
         if self.start is not None:  # another point as near to it gives its place
             away = np.abs(first - self.start).max(axis=1)
             first = np.concatenate([[self.start], np.delete(first, away.argmin(), axis=0)])
-        self.tried = yield self._distinct(first, [])
-        half, quiet, looks = BOX, 0, self.manner.looks
+        if len(first := self._distinct(first, [])):
+            self._add((yield first))
+        return (yield from self._searched(BOX, self.manner.looks))
+
+    def exchanged(self, points: Array, more: int) -> Generator[Array, Tried, Best]:
+        """Go on from the best points of other samples, with so many more points.
+
+        What this gains says how far from the best the search had ended.
+        """
+        assert self.tried is not None
+        self.budget = len(self.tried) + more
+        before = self.best()
+        if len(batch := self._distinct(points, [])[: self.left]):
+            self._add((yield batch))
+        reached = yield from self._searched(EXCHANGED, 0)
+        now, levels = self.best(), _levels(self.tried.costs)
+        gained = 0.0 if now is None else 1.0
+        if before is not None and now is not None:
+            gained = float(-np.expm1(levels[now] - levels[before]))
+        return replace(reached, gained=gained)
+
+    def _add(self, more: Tried) -> None:
+        self.tried = more if self.tried is None else self.tried.joined(more)
+
+    def _searched(self, half: float, looks: int) -> Generator[Array, Tried, Best]:
+        """Try points in a box of half a width about the best one until two batches confirm it."""
+        assert self.tried is not None
+        quiet, self.over = 0, self.manner.over
         low, high = np.zeros(self.axes), np.ones(self.axes)
-        reserved = 3 if self.equal.any() else 0  # points to spend what is to be spent
+        if half < BOX:
+            centre = self.tried.shares[self._merit().argmin()]
+            low, high = np.maximum(centre - half, 0), np.minimum(centre + half, 1)
+        # Points to spend what is to be spent.
+        reserved = min(3, self.budget // 10) if self.equal.any() else 0
         ended: Literal["sure", "budget"] = "budget"
         while self.left > reserved:
             models = self._models()
@@ -267,13 +311,13 @@ class ModelSearch:
                 if not len(more):
                     break
                 more = more[: min(self.manner.batch, self.left - reserved)]
-                self.tried = self.tried.joined((yield more))
+                self._add((yield more))
                 continue
             batch, promised = self._proposed(models, low, high, half)
             batch = batch[: self.left - reserved]
             before = self.best()
             if len(batch):
-                self.tried = self.tried.joined((yield batch))
+                self._add((yield batch))
             now = self.best()
             low, high, half = self._next_box(low, high, half, narrows=not len(batch))
             confirmed = now is not None and self._confirms(before, now, promised)
@@ -428,12 +472,12 @@ class ModelSearch:
             level, excess, _ = models(point[None])
             now = _levels(self.tried.costs)[best]
             reachable = (np.abs(excess[0][self.equal]) < EQUAL).all()
-            if not reachable or level[0] > now + 3 * SAME_ERROR:
+            if not reachable or level[0] > now + WORTH:
                 break
             batch = self._distinct(point[None], [])
             if not len(batch):
                 break
-            self.tried = self.tried.joined((yield batch))
+            self._add((yield batch))
         levels, spending = _levels(self.tried.costs), spends()
         if spending.any() and not spending[best]:
             nearest = int(np.where(spending, self.tried.costs, np.inf).argmin())
@@ -537,7 +581,7 @@ class _Models:
             done = minimize(
                 lambda x: at(x)[0][0],
                 start,
-                jac=lambda x: at(x)[1][:, 0],
+                jac=lambda x: at(x)[1][:, 0].copy(),
                 method="SLSQP",
                 bounds=list(zip(low, high, strict=True)),
                 constraints=constraints,

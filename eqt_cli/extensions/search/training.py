@@ -28,6 +28,37 @@ from eqt_cli.results.result import mean_over_runs
 from eqt_cli.runs.executors import Executor
 
 
+ROUNDS, MORE = 3, 40
+"""How often the samples of a law exchange their best points at most, and how many points each of
+them may try after an exchange. A budget below 60 has proportionally fewer, one above 100 a further
+exchange for every 40 points."""
+
+FEWEST_EXCHANGING = 3
+"""Number of samples below which there is no exchange, since nothing is said of so few."""
+
+SETTLED = 0.003
+"""Largest gain of an exchange, as a share of the objective, after which there is no further one."""
+
+FINISHED = 0.005
+"""Largest gain of the last exchange, as a share of the objective, of a search that is finished:
+half of what verdicts tell apart. What a search still misses was up to twice its last gain."""
+
+
+def rounds_of(budget: int) -> int:
+    """Return how often samples exchange their best points at most."""
+    return ROUNDS + max(0, (budget - 100) // MORE)
+
+
+def more_of(budget: int) -> int:
+    """Return how many points a sample may try after an exchange."""
+    return min(MORE, 2 * budget // 3)
+
+
+def larger(budget: int) -> int:
+    """Return the least budget of a search that goes on where one with this budget ended."""
+    return 100 + MORE * (rounds_of(budget) + 1 - ROUNDS)
+
+
 class Sampled(Protocol):
     """A search on training samples: what `tune.Search` says of itself."""
 
@@ -47,6 +78,8 @@ class Sampled(Protocol):
     def points(self) -> int: ...
     @property
     def runs_at_a_point(self) -> int: ...
+    @property
+    def budget(self) -> int: ...
     def by_models(self, law: LawSearch, sample: int) -> ModelSearch | Fixed: ...
     def on_sample(self, document: Document, sample: int) -> Document: ...
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]: ...
@@ -92,41 +125,84 @@ class Fixed:
         return 0 if self.tried is not None and np.isfinite(self.tried.costs[0]) else None
 
 
+Batches = Generator[dict[int, Array], dict[int, Tried], dict[int, Best]]
+"""Yields points by sample, gets how good they are, and returns what was found on every sample."""
+
+Going = dict[int, "ModelSearch | Fixed"]
+"""The searches of a law that are under way, by sample."""
+
+
 def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[Training, Best]:
     """Find the best point of every law on every training sample.
 
     A batch has points of all searches that have not ended, and runs them side by side. What it
     gives is written once, so that a search goes on from there bit for bit.
     """
-    searches = {
-        Training(law, sample): search.by_models(law, sample)
-        for law in search.laws
-        for sample in search.samples
-    }
-    steps = {key: one.points() for key, one in searches.items()}
+    keys = [{sample: Training(law, sample) for sample in search.samples} for law in search.laws]
+    going: list[Going] = [{} for _ in search.laws]
+    courses = [_course(search, *of_law) for of_law in zip(keys, going, strict=True)]
     ended, number = dict[Training, Best](), 0
     with threadpool_limits(1):  # models must not depend on how a library splits a product
-        proposed = {key: next(one) for key, one in steps.items()}
-        while proposed:
+        asked = {k: next(course) for k, course in enumerate(courses)}
+        while asked:
+            proposed = {keys[k][s]: x for k, points in asked.items() for s, x in points.items()}
             answers = _answers(search, folder, number, proposed, executor)
-            number, proposed = number + 1, {}
-            for key, answer in answers.items():
+            number, before, asked = number + 1, asked, {}
+            for k, points in before.items():
                 try:
-                    proposed[key] = steps[key].send(answer)
+                    asked[k] = courses[k].send({s: answers[keys[k][s]] for s in points})
                 except StopIteration as stopped:
-                    ended[key] = stopped.value
-            for law in search.laws:
-                reporter().note(law.label, _so_far(search, law, searches))
+                    ended |= {keys[k][s]: best for s, best in stopped.value.items()}
+            for law, of_law in zip(search.laws, going, strict=True):
+                reporter().note(law.label, _so_far(search, law, of_law))
     tried = sum(len(best.tried) for best in ended.values())
     reporter().skip((search.points - tried) * search.runs_at_a_point)
-    return {key: ended[key] for key in searches}
+    return {key: ended[key] for of_law in keys for key in of_law.values()}
 
 
-def _so_far(
-    search: Sampled, law: LawSearch, searches: Mapping[Training, ModelSearch | Fixed]
-) -> str:
+def _course(search: Sampled, keys: Mapping[int, Training], going: Going) -> Batches:
+    """Search for a law on all samples: on each by itself, then with the best points of the others.
+
+    Other laws change nothing of it.
+    """
+    going |= {sample: search.by_models(key.law, sample) for sample, key in keys.items()}
+    best = yield from _abreast({sample: one.points() for sample, one in going.items()})
+    if len(keys) < FEWEST_EXCHANGING:
+        return best
+    for _ in range(rounds_of(search.budget)):
+        steps, more = {}, more_of(search.budget)
+        for sample, one in going.items():
+            others = [
+                x.tried.shares[x.point]
+                for s, x in best.items()
+                if s != sample and x.point is not None
+            ]
+            if isinstance(one, ModelSearch) and others:
+                steps[sample] = one.exchanged(np.array(others), more)
+        best |= yield from _abreast(steps)
+        if all((one.gained or 0.0) <= SETTLED for one in best.values()):
+            break
+    return best
+
+
+def _abreast(steps: Mapping[int, Generator[Array, Tried, Best]]) -> Batches:
+    """Take the searches of several samples side by side, batch by batch."""
+    ended, asked = dict[int, Best](), dict[int, Array]()
+    answers: dict[int, Tried | None] = dict.fromkeys(steps)
+    while answers:
+        asked = {}
+        for sample, answer in answers.items():
+            try:
+                asked[sample] = steps[sample].send(answer)  # type: ignore[arg-type]
+            except StopIteration as stopped:
+                ended[sample] = stopped.value
+        answers = dict((yield asked)) if asked else {}
+    return {sample: ended[sample] for sample in steps}
+
+
+def _so_far(search: Sampled, law: LawSearch, going: Going) -> str:
     """Describe the best point of the first sample of a law so far."""
-    of_law = [one for key, one in searches.items() if key.law is law]
+    of_law = [*going.values()]
     points = sum(0 if one.tried is None else len(one.tried) for one in of_law)
     done = f"{count_of(points, 'point')} on {count_of(len(of_law), 'training sample')}"
     first = of_law[0]

@@ -28,7 +28,14 @@ from eqt_cli.extensions.search.model_search import Best, ModelSearch
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE, values_text
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
-from eqt_cli.extensions.search.training import Fixed, Training, trained
+from eqt_cli.extensions.search.training import (
+    FEWEST_EXCHANGING,
+    Fixed,
+    Training,
+    more_of,
+    rounds_of,
+    trained,
+)
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -101,8 +108,14 @@ class Search(Searches[TuneSection]):
         """Largest number of points of all searches for all laws."""
         if self.seeks_front:
             return super().points
-        points = sum(self.budget if law.axes else 1 for law in self.laws)
+        searched = self.budget + self.exchanges * more_of(self.budget)
+        points = sum(searched if law.axes else 1 for law in self.laws)
         return points * len(self.samples)
+
+    @property
+    def exchanges(self) -> int:
+        """How often the samples of a law exchange their best points at most."""
+        return rounds_of(self.budget) if len(self.samples) >= FEWEST_EXCHANGING else 0
 
     @property
     def size(self) -> list[str]:
@@ -113,9 +126,17 @@ class Search(Searches[TuneSection]):
         return [
             count_of(len(self.laws) - fixed, "law"),
             count_of(len(self.samples), "training sample"),
-            f"at most {count_of(self.budget, 'point')}"
+            f"at most {self.most_points}"
             + (f", and {count_of(fixed, 'law')} {AS_IT_IS}" if fixed else ""),
         ]
+
+    @property
+    def most_points(self) -> str:
+        """The largest number of points of a search, and of what exchanges add to it."""
+        if not self.exchanges:
+            return count_of(self.budget, "point")
+        added = f"{self.exchanges} × {more_of(self.budget)} after exchanges between the samples"
+        return f"({self.budget} points + {added})"
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -621,7 +642,8 @@ class Sampled:
                 "unsettled": int(tried.unsettled[at]),
             }
         seed = self.search.base.config.ensemble.seed + sample - 1
-        return gains | {"sample": sample, "seed": seed, "points": len(tried), "ended": best.ended}
+        how = {"points": len(tried), "ended": best.ended, "gained": best.gained}
+        return gains | {"sample": sample, "seed": seed} | how
 
     def _why(self) -> str:
         """Say what no point keeps, of the nearest one of all samples."""
