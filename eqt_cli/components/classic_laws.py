@@ -16,7 +16,7 @@ from eqt_cli.components.groups import HasHalfTurns, MatrixLieGroup, log_force
 from eqt_cli.components.laws import (
     BODY_ENERGY,
     Controller,
-    EachAxis,
+    EachAxisOrZero,
     ReadsLimits,
     check_each_axis,
     published,
@@ -372,8 +372,8 @@ class Goodarzi2013(ReadsLimits):
     Attributes
     ----------
     ki
-        k_I, N m/rad: a number, or one for each axis. Default: a tenth of the least stiffness H of
-        Υ, 0.2 on SO(3) with K = I.
+        k_I, N m/rad: a number, or one for each axis; 0 leaves the integral out. Default: a tenth of
+        the least stiffness H of Υ, 0.2 on SO(3) with K = I.
     c2
         c₂, 1/s. Default: offsets decay at k_I c₂/(k_I + H) = ¼ min(H/K_d, K_d/𝕀), along the axis
         where this is least; a quarter of what loses stability or less.
@@ -392,7 +392,7 @@ class Goodarzi2013(ReadsLimits):
     theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     bibtex: ClassVar[str] = published("goodarzi2013geometric")
 
-    ki: Annotated[EachAxis, Unit(STIFFNESS)] = 0.2
+    ki: Annotated[EachAxisOrZero, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5
     bound: Annotated[Positive | None, Unit(POSE)] = None
     anti_windup: AntiWindup = field(default="none", kw_only=True)
@@ -406,7 +406,7 @@ class Goodarzi2013(ReadsLimits):
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with c₂, where it is not written, and the limits that it reads."""
         law = super().for_plant(G, plant, problems)
-        if (gains := (plant.follows or {}).get("c2")) is None:
+        if (gains := (plant.follows or {}).get("c2")) is None or not np.all(law.ki):
             return law
         J, D = map(np.diagonal, (plant.inertia.at(0.0).matrix, gains.K_d))
         H = np.diagonal(hessian_at_identity(G, gains.K))
@@ -417,6 +417,10 @@ class Goodarzi2013(ReadsLimits):
         """Note gains of the integral that are not for each axis."""
         super().check(G, problems)
         check_each_axis(self.ki, G.dimension, problems.at("ki"))
+        if np.min(self.ki) < 0 or (np.min(self.ki) == 0 and self.anti_windup != "none"):
+            problems.at("ki").add(
+                f"expected 0 or more, and more than 0 with an anti-windup, got {self.ki}"
+            )
 
     output_units: ClassVar[Mapping[str, str]] = {"integral": "rad"}
 

@@ -40,11 +40,11 @@ Law = TypeVar("Law", bound="Controller")
 
 if TYPE_CHECKING:
     EachAxis: TypeAlias = Any  # float | Array, which a series does not multiply by its type
+    EachAxisOrZero: TypeAlias = Any
 else:
-    EachAxis = Annotated[
-        Positive | list[Positive],
-        AfterValidator(lambda k: np.array(k, dtype=float) if isinstance(k, list) else k),
-    ]
+    _ARRAY = AfterValidator(lambda k: np.array(k, dtype=float) if isinstance(k, list) else k)
+    EachAxis = Annotated[Positive | list[Positive], _ARRAY]
+    EachAxisOrZero = Annotated[Real | list[Positive], _ARRAY]
 
 
 def check_each_axis(gain: EachAxis, axes: int, problems: Problems) -> None:

@@ -736,9 +736,16 @@ class LogRange(Section):
     ----------
     log
         Its ends.
+    off
+        A further value, of a law without this number: `{log: [0.01, 10], off: 0}`. That law is
+        searched first, so that no law is worse in training than one that it contains.
+    times
+        Another number of the law, such as `kp`, which the ends are multiples of.
     """
 
     log: Annotated[list[Positive], Unit(ANY)]
+    off: Annotated[float | None, Unit(ANY)] = None
+    times: str | None = None
 
 
 def _tuned_kind(value: Any) -> str | None:

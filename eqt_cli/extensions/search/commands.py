@@ -160,8 +160,10 @@ def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool)
         f"{' × '.join(search.size)} = {estimate.points}",
         _runs_line(search),
         run.time_line(estimate.seconds, estimate.workers),
+        *search.remarks(),
     ]
-    output.print_findings(asdict(estimate), "\n".join(lines), json=json)
+    plan = asdict(estimate) | {"remarks": search.remarks()}
+    output.print_findings(plan, "\n".join(lines), json=json)
 
 
 def _report(
@@ -179,14 +181,17 @@ def _report(
     causes
         Reasons why the exit code is not 0.
     config
-        Configuration in the folder, to be run next; None if nothing was found.
+        Configuration in the folder, to be run next; None if nothing was plan.
     """
+    from eqt_cli.extensions.search.tables import verdict_records
     from eqt_cli.results.result import open_result
 
     path = done.judged.folder.path
     if json:
         counted = {"failed": done.judged.failed, "causes": list(causes)}
-        output.print_json({"folder": str(path), **done.record, **counted})
+        with open_result(path) as result:
+            pairs = verdict_records(result, done.record)
+        output.print_json({"folder": str(path), **done.record, **pairs, **counted})
         return
     if done.judged.taken:
         output.say(f"{done.judged.taken} of {done.judged.runs} held-out runs were kept")

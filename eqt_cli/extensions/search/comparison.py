@@ -56,7 +56,8 @@ def _of_samples(
     check_metrics(result, names, "compare")
     pairs = ratios.ratios(result, record, names, chosen, how.confidence)
     table = ratios.ratio_table(result, pairs, record["samples"], write)
-    said = ratios.sentences(result, pairs[: len(pairs) // len(names)], record["samples"])
+    said = ratios.endings(record)
+    said += ratios.sentences(result, pairs[: len(pairs) // len(names)], record["samples"])
     inner = {result.title_of[label]: result.described.inner.get(label) for label in chosen}
     said += not_shared(inner)
     notes = [*map(write.text, said), *table.notes, *map(write.text, ratios.unequal(record))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain, combinations, count
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,31 @@ from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quan
 from eqt_cli.runs.part_files import MANIFEST
 
 # The search for one law: its experiment and the ranges of the varied keys -------------------------
+
+
+@dataclass(frozen=True)
+class TunedRange(DrawnRange):
+    """A range of a tuned number, and what its law is without it.
+
+    Attributes
+    ----------
+    off
+        The value at a share of 0 in place of `low`: the law without this number. None if it cannot
+        be absent.
+    times
+        Name of the number whose multiples the others are; empty for none.
+    """
+
+    off: float | None = None
+    times: str = ""
+
+    def at(self, share: float) -> float | int:
+        """Return a number; at 0 that of a law without it."""
+        return super().at(share) if self.off is None or share > 0 else self.off
+
+    def share(self, value: float) -> float:
+        """Return the share of the range at a value within the bounds, or that is `off`."""
+        return 0.0 if value == self.off else super().share(value)
 
 
 @dataclass(frozen=True)
@@ -54,7 +80,7 @@ class LawSearch:
     label: str
     slug: str
     document: Document
-    axes: dict[str, DrawnRange]
+    axes: dict[str, TunedRange]
     written: tuple[str, ...]
     index: int
     start: tuple[float, ...] | None
@@ -64,7 +90,31 @@ class LawSearch:
     def values(self, shares: Sequence[float]) -> dict[str, float]:
         """Return the values at a point of the unit cube, by key."""
         share_of = dict(zip(self.order, shares, strict=True))
-        return {key: axis.at(share_of[key]) for key, axis in self.axes.items()}
+        values = {key: axis.at(share_of[key]) for key, axis in self.axes.items()}
+        for key, unit in self.units(values).items():
+            values[key] *= 1 if values[key] == self.axes[key].off else unit
+        return values
+
+    def units(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the numbers whose multiples some ranges have, by the key of the range."""
+        held = {key: _held(self.document.data, other) for key, other in self.factors.items()}
+        return {key: float(values.get(self.factors[key], held[key])) for key in held}
+
+    @cached_property
+    def factors(self) -> dict[str, str]:
+        """The keys whose ranges are multiples of a number, with the key of that number."""
+        return factors_of(self.document.data, self.axes)
+
+    @property
+    def optional(self) -> tuple[int, ...]:
+        """The coordinates of the unit cube at whose 0 the law is one without that number."""
+        axes = [self.axes[key] for key in self.order]
+        return tuple(k for k, axis in enumerate(axes) if axis.off is not None)
+
+    @property
+    def contained(self) -> int:
+        """Number of the laws that are searched: this one, and those without optional numbers."""
+        return 2 ** len(self.optional) - (len(self.optional) == len(self.order))
 
     def as_written(self, path: str) -> str:
         """Translate a path of `document` into one of the user's configuration."""
@@ -94,14 +144,28 @@ def rules_of(formulas: dict[str, Any], keys: Sequence[str], problems: Problems) 
     return function_for(purposes.rules_of_a_sweep)({(): {"set": formulas}}, keys, problems)
 
 
-def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:
-    """Return the range of a key, or None after noting its problems."""
+def range_of(
+    listed: TunedAxis, problems: Problems, *, has_absent: bool = True
+) -> TunedRange | None:
+    """Return the range of a key, or None after noting its problems.
+
+    Parameters
+    ----------
+    has_absent
+        Whether the number may be absent, or a multiple of another one.
+    """
     if isinstance(listed, list):
-        axis = DrawnRange(low=listed[0], high=listed[1])
+        axis = TunedRange(low=listed[0], high=listed[1])
     elif isinstance(listed, LogRange):
-        axis = DrawnRange(low=listed.log[0], high=listed.log[1], scale="log")
+        low, high = listed.log
+        if not has_absent and (listed.off is not None or listed.times):
+            problems.add(
+                "off and times are for gains that eqt tune finds by runs, for one objective; leave "
+                "them out"
+            )
+        axis = TunedRange(listed.off, listed.times or "", low=low, high=high, scale="log")
     else:
-        axis = listed
+        axis = TunedRange(**vars(listed))
     faults = Problems()
     axis.check(faults)
     for problem in faults:
@@ -132,7 +196,7 @@ def require_metric(name: str, base: Experiment) -> None:
 
 
 def laws_of(
-    base: Experiment, ranges: dict[str, DrawnRange], formulas: dict[str, Any]
+    base: Experiment, ranges: dict[str, TunedRange], formulas: dict[str, Any]
 ) -> tuple[LawSearch, ...]:
     """Return one search for each law, over its own keys and the shared keys.
 
@@ -209,7 +273,7 @@ def _key_in_law(key: str, index: int, keeps: bool) -> str:
     return key.removeprefix(f"{law}.") if moved else f"controllers[0]{key[len(law) :]}"
 
 
-def _order(key: str, axis: DrawnRange, data: Mapping[str, Any]) -> tuple[Any, ...]:
+def _order(key: str, axis: TunedRange, data: Mapping[str, Any]) -> tuple[Any, ...]:
     """Return the place of a key among those of a law.
 
     Stiffness and damping come first. Others are in the order of their ranges and starting values,
@@ -230,19 +294,63 @@ def _slug(label: str, taken: Sequence[str]) -> str:
     )
 
 
-def _start(data: Mapping[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
+def _start(data: Mapping[str, Any], axes: dict[str, TunedRange]) -> tuple[float, ...] | None:
     """Return the starting values in the unit cube; None if one is outside its range."""
-    shares = [share for key, axis in axes.items() if (share := _share(data, key, axis)) is not None]
+    factors = factors_of(data, axes)
+    units = {key: _held(data, factors[key]) if key in factors else 1.0 for key in axes}
+    listed = [_share(data, key, axis, units[key]) for key, axis in axes.items()]
+    shares = [share for share in listed if share is not None]
     return tuple(shares) if len(shares) == len(axes) else None
 
 
-def _share(data: Mapping[str, Any], key: str, axis: DrawnRange) -> float | None:
+def _share(data: Mapping[str, Any], key: str, axis: TunedRange, unit: float = 1) -> float | None:
     """Return the value of a key as a share of its range; None if it has not one value in it."""
     held, *others = (value_at(data, errors.parse_key(entry)) for entry in entries_of(key))
-    is_number = isinstance(held, int | float) and not isinstance(held, bool)
-    if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
+    if not _is_number(held) or any(one != held for one in others):
         return None
-    return axis.share(float(held))
+    value = float(held) / unit
+    is_off = value == axis.off
+    return axis.share(value) if is_off or axis.low <= value <= axis.high else None
+
+
+def factors_of(data: Mapping[str, Any], axes: Mapping[str, TunedRange]) -> dict[str, str]:
+    """Return the keys whose ranges are multiples of a number, with the key of that number.
+
+    It is a varied key, or one of `gains`, or one beside the varied key.
+
+    Raises
+    ------
+    InputError
+        If there is no such number, or its range is itself one of multiples.
+    """
+    factors = {}
+    for key, axis in axes.items():
+        if not (name := axis.times):
+            continue
+        within = key.rpartition(".")[0]
+        beside = [f"{within}.{name}", f"gains.{name}", f"{within}.gains.{name}"]
+        listed = [other for other in axes if name in (other, _last(other)) and other != key]
+        held = [other for other in beside if _is_number(_held(data, other))]
+        other = next(iter([*listed, *held]), None)
+        if other is None or (other in axes and axes[other].times):
+            raise InputError(
+                f"times: expected another number of this law, such as kp, got '{name}'"
+            )
+        factors[key] = other
+    return factors
+
+
+def _last(key: str) -> str:
+    return key.rpartition(".")[2].partition("[")[0]
+
+
+def _held(data: Mapping[str, Any], key: str) -> Any:
+    """Return the value of a key, the first of its entries; None without one."""
+    return value_at(data, errors.parse_key(entries_of(key)[0]))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:

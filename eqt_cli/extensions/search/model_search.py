@@ -9,7 +9,7 @@ row confirm the model. Nothing is drawn: equal numbers give equal points.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import combinations_with_replacement
 from typing import Any, Literal
@@ -143,7 +143,7 @@ class Tried:
 
     def joined(self, more: Tried) -> Tried:
         """Return these points and more of them."""
-        names = (field.name for field in fields(self))
+        names = (part.name for part in fields(self))
         return Tried(*(np.concatenate([getattr(x, name) for x in (self, more)]) for name in names))
 
     def excess(self, bounds: Sequence[Constraint]) -> Array:
@@ -237,6 +237,8 @@ class ModelSearch:
         A point to try among the first; None without one.
     snapped
         Returns the nearest points that can be tried, where some axes have whole numbers only.
+    also
+        Further points to try first.
     tried
         What was tried before, which does not count: the points of a law that this one contains.
     """
@@ -248,6 +250,7 @@ class ModelSearch:
     number: int = 0
     start: Sequence[float] | None = None
     snapped: Callable[[Array], Array] = lambda shares: shares
+    also: Sequence[Sequence[float]] = ()
     tried: Tried | None = None
 
     def __post_init__(self) -> None:
@@ -269,7 +272,8 @@ class ModelSearch:
         if self.start is not None:  # another point as near to it gives its place
             away = np.abs(first - self.start).max(axis=1)
             first = np.concatenate([[self.start], np.delete(first, away.argmin(), axis=0)])
-        if len(first := self._distinct(first, [])):
+        first = np.concatenate([np.reshape(self.also, (-1, self.axes)), first])
+        if len(first := self._distinct(first, [])[: self.left]):
             self._add((yield first))
         return (yield from self._searched(BOX, self.manner.looks))
 

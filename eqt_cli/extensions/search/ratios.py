@@ -18,6 +18,7 @@ import numpy as np
 from eqt_cli.analysis.intervals import FEWEST, NEGLIGIBLE, RESOLUTION, Interval, Word
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, fixed, listed
+from eqt_cli.extensions.search.exchanges import NOT_FINISHED, ending, unfinished
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
@@ -89,6 +90,8 @@ class Ratio:
         Share of pairs of runs in which the first is better, and number of runs with both numbers.
     samples
         The training samples with gains of both.
+    unfinished
+        The laws whose search is not finished, so that nothing is said of them.
     """
 
     first: str
@@ -102,6 +105,17 @@ class Ratio:
     ahead: float
     runs: int
     samples: int
+    unfinished: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """The word for the first law, or that a search is not finished."""
+        return NOT_FINISHED if self.unfinished and self.is_judged else str(self.word)
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether there are samples enough to call a law better."""
+        return self.samples >= FEWEST_SAMPLES
 
     @property
     def word(self) -> Word:
@@ -165,7 +179,14 @@ def ratio(
     samples = sorted(first.keys() & second.keys())
     values, quantity = result.counted(metric), result.quantity(metric)
     a, b = (values[[rows[s] for s in samples]] for rows in (first, second))
-    return paired(a, b, one["label"], other["label"], metric, quantity.better, confidence)
+    pair = paired(a, b, one["label"], other["label"], metric, quantity.better, confidence)
+    names = [law["label"] for law in (one, other) if unfinished(gains_of(law))]
+    return replace(pair, unfinished=tuple(names))
+
+
+def gains_of(law: Record) -> list[float | None]:
+    """Return what each search for a law gained in its last exchange; none of a law without keys."""
+    return [search.get("gained") for search in law["searches"]] if law["over"] else []
 
 
 def paired(
@@ -244,7 +265,7 @@ def ratio_table(result: Result, of_pairs: Sequence[Ratio], samples: int, write: 
                 write.text(pair.percent),
                 write.text(_percent(pair.median)),
                 write.text(f"{100 * pair.ahead:.0f} %" if math.isfinite(pair.ahead) else "-"),
-                str(pair.word) if samples >= FEWEST_SAMPLES else "not judged",
+                pair.verdict if samples >= FEWEST_SAMPLES else "not judged",
             ]
             for pair in of_pairs
             if pair.metric == metric
@@ -287,9 +308,9 @@ def sentences(result: Result, of_pairs: Sequence[Ratio], samples: int) -> list[s
         return [too_few(samples)]
     verdicts: dict[str, list[str]] = {}
     for pair in of_pairs:
-        pair = pair.swapped if pair.word is Word.WORSE else pair
-        one, other, word = law_title(pair.first), law_title(pair.second), pair.word
-        if word is Word.BETTER:
+        pair = pair.swapped if pair.verdict == Word.WORSE else pair
+        one, other, word = law_title(pair.first), law_title(pair.second), pair.verdict
+        if word == Word.BETTER:
             verdicts.setdefault(f"{one} is better than", []).append(f"{other} ({pair.percent})")
         else:
             verdicts.setdefault(f"{word}:", []).append(f"{one} – {other} ({pair.percent})")
@@ -363,11 +384,7 @@ def unequal(record: Record) -> list[str]:
             if measured and not spends(law, number, bound):
                 ends = [x / bound["bound"] for x in (min(measured), max(measured))]
                 share = " to ".join(dict.fromkeys(fixed(end, 2) for end in ends))
-                why = (
-                    ["its error is no lower with more, or its ranges hold no gains that spend it"]
-                    if ends[0] < 1 - EQUAL
-                    else []
-                )
+                why = [_less(law)] if ends[0] < 1 - EQUAL else []
                 if ends[1] > 1 + EQUAL:
                     why += ["no gains in its ranges spend less"]
                 lines.append(
@@ -378,6 +395,73 @@ def unequal(record: Record) -> list[str]:
     return lines
 
 
+def _less(law: Record) -> str:
+    """Say why a law spends less than it may."""
+    if unfinished(gains_of(law)):
+        return "its search is not finished"
+    tops = [
+        key.rpartition(".")[2]
+        for key, (_, high) in law["over"].items()
+        if any(
+            search["values"][key] >= (1 - AT_AN_END) * high * factor(search, key)
+            for search in law["searches"]
+            if search["label"] is not None
+        )
+    ]
+    if tops:
+        return f"its ranges hold no gains that spend more ({listed(tops)} at the upper end)"
+    return "its error is no lower with more"
+
+
+AT_AN_END = 0.01
+"""Distance from an end of its range within which a value is at it, as a share of the end and of the
+range: searches come about so close to a best value at an end."""
+
+
+def factor(search: Record, key: str) -> float:
+    """Return the number whose multiples the range of a key has; 1 for most."""
+    return float(search.get("units", {}).get(key, 1.0))
+
+
 def answer_record(of_pairs: Sequence[Ratio]) -> list[dict[str, Any]]:
     """Return the pairs for programs."""
-    return [{**vars(pair), "verdict": str(pair.word)} for pair in of_pairs]
+    return [{**vars(pair), "verdict": pair.verdict} for pair in of_pairs]
+
+
+def endings(record: Record) -> list[str]:
+    """Say which searches are not finished, of samples enough for verdicts."""
+    if record["samples"] < FEWEST_SAMPLES:
+        return []
+    laws = [law for law in record["laws"] if law["winners"]]
+    said = [ending(law_title(x["label"]), gains_of(x), record["budget"]) for x in laws]
+    return [f"{one[:1].upper()}{one[1:]}." for one in said if one]
+
+
+def worse_than_started(result: Result, record: Record) -> list[str]:
+    """Say which tuned laws do worse on the held-out runs than at their starting gains."""
+    (metric,), lines = record["objectives"], []
+    values, quantity = result.counted(metric), result.quantity(metric)
+    for law in record["laws"]:
+        if not law["over"] or not law["winners"]:
+            continue
+        tuned = values[list(rows_of(result, law).values())]
+        start = np.broadcast_to(values[result.labels.index(law["start"])], tuned.shape)
+        pair = paired(tuned, start, law["label"], law["start"], metric, quantity.better)
+        pair = pair if quantity.better != "higher" else pair.swapped
+        if pair.value > 1 + NEGLIGIBLE and not pair.low <= 1:
+            title = law_title(law["label"])
+            lines.append(
+                f"{title} is WORSE at its tuned gains than at its starting gains: {pair.percent} "
+                f"of {metric} on the held-out runs{_spent_at_start(result, record, law)}."
+            )
+    return lines
+
+
+def _spent_at_start(result: Result, record: Record, law: Record) -> str:
+    """Say which bounds the starting gains do not keep on the held-out runs."""
+    beyond = []
+    for bound in record["constraints"]:
+        mean = float(np.nanmean(result.counted(bound["metric"])[result.labels.index(law["start"])]))
+        if mean > bound["bound"] if bound["above"] else mean < bound["bound"]:
+            beyond.append(f"{bound['metric']} {mean:.3g} where {bound['bound']:g} is the bound")
+    return f"; the starting gains have {listed(beyond)}" if beyond else ""

@@ -29,7 +29,6 @@ from eqt_cli.base.reporting import (
     step,
     working_for,
 )
-from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.document import Document, changed_at, expanded
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -39,7 +38,7 @@ from eqt_cli.config.study import study
 from eqt_cli.extensions.search import fronts, law_search
 from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
-from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
+from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder, TunedRange
 from eqt_cli.extensions.search.record import AS_IT_IS, Kind
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.results.result import Result
@@ -115,7 +114,7 @@ class Searches(ABC, Generic[S]):
         section = getattr(base.config, name)
         problems = Problems(document.place)
         here = problems.at(name)
-        ranges: dict[str, DrawnRange] = {}
+        ranges: dict[str, TunedRange] = {}
         names: set[str] = set()
         if section.set:
             swept = list(expanded(dict.fromkeys(section.over)))
@@ -127,13 +126,16 @@ class Searches(ABC, Generic[S]):
                     cls._axis(key, None, base)
         for key, listed in section.over.items():
             at_key = here.at("over", key)
-            axis = law_search.range_of(listed, at_key)
+            axis = law_search.range_of(listed, at_key, has_absent=cls._takes_fixed(section))
             with at_key.catching():
                 varied = axis if key in names else cls._axis(key, axis, base)
                 ranges |= {key: varied} if varied else {}
         cls._check(section, base, here)
         problems.raise_if_any()
-        laws = law_search.laws_of(base, ranges, section.set)
+        laws: tuple[LawSearch, ...] = ()
+        with here.at("over").catching():
+            laws = law_search.laws_of(base, ranges, section.set)
+        problems.raise_if_any()
         takes_fixed = cls._takes_fixed(section) and any(law.axes for law in laws)
         for law in laws:
             if not (law.axes or takes_fixed):
@@ -157,7 +159,7 @@ class Searches(ABC, Generic[S]):
 
     @classmethod
     @abstractmethod
-    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+    def _axis(cls, key: str, axis: TunedRange | None, base: Experiment) -> TunedRange | None:
         """Return the range of a key (None if it was invalid); `InputError` if it cannot vary."""
 
     @classmethod
@@ -236,6 +238,10 @@ class Searches(ABC, Generic[S]):
             count_of(generations, "generation"),
             count_of(population, "point"),
         ]
+
+    def remarks(self) -> list[str]:
+        """Return what is doubtful about the size of the search."""
+        return []
 
     @property
     def runs_at_a_point(self) -> int:

@@ -1,6 +1,8 @@
 """The check of the sections for searches; it loads no search for a configuration without one."""
 
 from eqt_cli.base import purposes
+from eqt_cli.base.errors import EqtWarning
+from eqt_cli.base.reporting import reporter
 from eqt_cli.config.document import Document
 
 
@@ -10,7 +12,10 @@ def check(document: Document) -> None:
     if document.data.get("tune"):
         from eqt_cli.extensions.search.tune import Search
 
-        Search.read(document).remark_on_ends()
+        search = Search.read(document)
+        search.remark_on_ends()
+        for remark in search.remarks():
+            reporter().remark(EqtWarning(remark))
     if document.data.get("worst"):
         from eqt_cli.extensions.search.worst import WorstSearch
 

@@ -14,6 +14,7 @@ from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, brief, count_of, listed, significant
 from eqt_cli.extensions.search import fronts, ratios
+from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, FINISHED, more_of, rounds_of
 from eqt_cli.extensions.search.fronts import SHARES, Constraint, cases_of, equal_cost_table
 from eqt_cli.extensions.search.record import AGREEING, AS_IT_IS, agree, values_text
 from eqt_cli.results.origin import law_title
@@ -26,10 +27,6 @@ Record = Mapping[str, Any]
 Range = tuple[float, float]
 
 _WRITE = Plain()
-
-AT_AN_END = 0.01
-"""Distance from an end of its range within which a value is at it, as a share of the end and of the
-range: searches come about so close to a best value at an end."""
 
 
 def measured(result: Result, name: str) -> str:
@@ -71,7 +68,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     pairs: list[TextTable] = []
     if is_sampled(record):
         of_pairs = ratios.ratios(result, record, sought)
-        said = ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
+        said = _first(result, record)
+        said += ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
         table = ratios.ratio_table(result, of_pairs, record["samples"], _WRITE)
         pairs.append(replace(table, notes=[*said, *table.notes]))
         pairs.append(ratios.spending_table(result, record, _WRITE))
@@ -86,6 +84,15 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     winners = _winners(result, record, names)
     tables = [winners, _by_case(cases, record), bounds, *pairs]
     return [table for table in tables if table.blocks]
+
+
+def verdict_records(result: Result, record: Record) -> dict[str, Any]:
+    """Return the verdicts on laws that were tuned on samples, and their pairs, for programs."""
+    if not is_sampled(record):
+        return {}
+    pairs = ratios.ratios(fronts.held_out(result, record), record, record["objectives"])
+    said = _first(fronts.held_out(result, record), record)
+    return {"pairs": ratios.answer_record(pairs), "remarks": said}
 
 
 def _pairs(laws: Sequence[str]) -> int:
@@ -115,13 +122,19 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     starts = [law["start"] for law in record["laws"] if law["over"]]
     notes += _notes(result, record, tuned, starts)
-    if len(tuned) > 1 and is_sampled(record):
+    if is_sampled(record):
         pairs = ratios.ratios(result, record, record["objectives"])
-        notes = [*ratios.sentences(result, pairs, record["samples"]), *notes]
+        said = ratios.sentences(result, pairs, record["samples"])
+        notes = [*_first(result, record), *said, *notes]
     elif len(tuned) > 1:
         notes.insert(0, _ranking(result, record["objectives"][0], tuned))
     notes = [*record.get("proved", {}).get("answer", ()), *notes]
     return [replace(_winners(result, record, record["objectives"]), notes=notes)]
+
+
+def _first(result: Result, record: Record) -> list[str]:
+    """Return what is said before any verdict: that a search failed, or is not finished."""
+    return [*ratios.worse_than_started(result, record), *ratios.endings(record)]
 
 
 def _samples(result: Result, record: Record) -> TextTable:
@@ -136,19 +149,32 @@ def _samples(result: Result, record: Record) -> TextTable:
                 failed = f"{100 * search['failed']:.3g} %"
                 values = values_text(search["values"]) or AS_IT_IS
                 cost = [values, significant(trained), significant(means[label]), failed]
-            ended = search["points"] if search["ended"] == "sure" else f"{search['points']} (all)"
+            gained = search.get("gained")
+            ended = [str(search["points"]), "-" if gained is None else f"{100 * gained:.2f} %"]
             number = f"{search['sample']}{' *' if label == law['label'] else ''}"
-            rows.append([law_title(law["label"]), number, *cost, str(ended)])
+            rows.append([law_title(law["label"]), number, *cost, *ended])
     caption = f"{measured(result, name)} by training sample"
-    header = ["law", "sample", "best values", "training", "held out", "failed", "points"]
+    header = [
+        "law",
+        "sample",
+        "best values",
+        "training",
+        "held out",
+        "failed",
+        "points",
+        "last gain",
+    ]
     notes = [
         "*: the sample with the middle error on its training runs, whose gains stand for the law",
         "failed: share of the training runs",
     ]
-    if any(search["ended"] != "sure" for law in record["laws"] for search in law["searches"]):
+    if record["samples"] >= FEWEST_EXCHANGING:
         notes.append(
-            "(all): the search used all points of tune.budget, and was not yet sure of its best one"
+            "last gain: of the last exchange, in which a sample tries the best points of the "
+            f"others; a search is finished where it is at most {100 * FINISHED:g} % on all samples"
         )
+    elif any(x["ended"] != "sure" for law in record["laws"] for x in law["searches"]):
+        notes.append("Some searches were not yet sure of their best point when tune.budget ended.")
     return TextTable("samples", caption, header, [Block("", rows)] if rows else [], notes)
 
 
@@ -255,7 +281,7 @@ def _notes(
         for law in record["laws"]
         for key, (low, high) in law["over"].items()
         for end, winner in product((low, high), law["winners"])
-        if abs(winner["values"][key] - end) <= AT_AN_END * min(abs(end) or np.inf, high - low)
+        if _is_at(winner["values"][key] / ratios.factor(winner, key), end, high - low)
     )
     if near:
         yield (
@@ -269,6 +295,10 @@ def _notes(
     yield from _counted(result, result.labels if of is None else of, starts)
 
 
+def _is_at(value: float, end: float, width: float) -> bool:
+    return abs(value - end) <= ratios.AT_AN_END * min(abs(end) or np.inf, width)
+
+
 def searched(record: Record) -> str:
     """Describe the size of a search in a sentence."""
     cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
@@ -277,10 +307,14 @@ def searched(record: Record) -> str:
         points = [search["points"] for law in laws for search in law["searches"]]
         ends = " to ".join(dict.fromkeys(map(str, (min(points), max(points)))))
         samples = count_of(record["samples"], "training sample")
+        added = ""
+        if record["samples"] >= FEWEST_EXCHANGING:
+            rounds, more = rounds_of(record["budget"]), more_of(record["budget"])
+            added = f" and {rounds} × {more} after exchanges between the samples"
         return (
-            f"Searched: {ends} of at most {count_of(record['budget'], 'point')} for every "
-            f"{'law' if len(laws) == len(record['laws']) else 'searched law'} on "
-            f"{samples} of {count_of(record['runs'], 'run')}{cases}."
+            f"Searched: {ends} points for every "
+            f"{'law' if len(laws) == len(record['laws']) else 'searched law'} on {samples} of "
+            f"{count_of(record['runs'], 'run')}{cases}; at most {record['budget']}{added}."
         )
     generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     return (

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,6 +17,7 @@ from eqt_cli.config.document import Document
 from eqt_cli.config.schema import TuneSection
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search.candidates import computed
+from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, SETTLED, more_of, rounds_of
 from eqt_cli.extensions.search.fronts import Constraint
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
@@ -26,37 +27,6 @@ from eqt_cli.extensions.search.search import columns, swept
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import mean_over_runs
 from eqt_cli.runs.executors import Executor
-
-
-ROUNDS, MORE = 3, 40
-"""How often the samples of a law exchange their best points at most, and how many points each of
-them may try after an exchange. A budget below 60 has proportionally fewer, one above 100 a further
-exchange for every 40 points."""
-
-FEWEST_EXCHANGING = 3
-"""Number of samples below which there is no exchange, since nothing is said of so few."""
-
-SETTLED = 0.003
-"""Largest gain of an exchange, as a share of the objective, after which there is no further one."""
-
-FINISHED = 0.005
-"""Largest gain of the last exchange, as a share of the objective, of a search that is finished:
-half of what verdicts tell apart. What a search still misses was up to twice its last gain."""
-
-
-def rounds_of(budget: int) -> int:
-    """Return how often samples exchange their best points at most."""
-    return ROUNDS + max(0, (budget - 100) // MORE)
-
-
-def more_of(budget: int) -> int:
-    """Return how many points a sample may try after an exchange."""
-    return min(MORE, 2 * budget // 3)
-
-
-def larger(budget: int) -> int:
-    """Return the least budget of a search that goes on where one with this budget ended."""
-    return 100 + MORE * (rounds_of(budget) + 1 - ROUNDS)
 
 
 class Sampled(Protocol):
@@ -80,7 +50,13 @@ class Sampled(Protocol):
     def runs_at_a_point(self) -> int: ...
     @property
     def budget(self) -> int: ...
-    def by_models(self, law: LawSearch, sample: int) -> ModelSearch | Fixed: ...
+    def by_models(
+        self,
+        law: LawSearch,
+        sample: int,
+        free: Sequence[int] | None = None,
+        tried: Tried | None = None,
+    ) -> ModelSearch | Fixed: ...
     def on_sample(self, document: Document, sample: int) -> Document: ...
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]: ...
 
@@ -95,14 +71,17 @@ class Training:
         The search for the law.
     sample
         Number of the sample, from 1.
+    free
+        The coordinates that are searched.
     """
 
     law: LawSearch
     sample: int
+    free: tuple[int, ...] = ()
 
     def snapped(self, shares: Array) -> Array:
         """Return the points of the unit cube whose values can be set, as whole numbers can."""
-        axes = [self.law.axes[key] for key in self.law.order]
+        axes = [self.law.axes[self.law.order[k]] for k in self.free]
         if not any(axis.integer for axis in axes):
             return shares
         at = [[a.share(a.at(x)) for a, x in zip(axes, row, strict=True)] for row in shares.tolist()]
@@ -143,14 +122,14 @@ def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[T
     courses = [_course(search, *of_law) for of_law in zip(keys, going, strict=True)]
     ended, number = dict[Training, Best](), 0
     with threadpool_limits(1):  # models must not depend on how a library splits a product
-        asked = {k: next(course) for k, course in enumerate(courses)}
-        while asked:
-            proposed = {keys[k][s]: x for k, points in asked.items() for s, x in points.items()}
+        wanted = {k: next(course) for k, course in enumerate(courses)}
+        while wanted:
+            proposed = {keys[k][s]: x for k, points in wanted.items() for s, x in points.items()}
             answers = _answers(search, folder, number, proposed, executor)
-            number, before, asked = number + 1, asked, {}
+            number, before, wanted = number + 1, wanted, {}
             for k, points in before.items():
                 try:
-                    asked[k] = courses[k].send({s: answers[keys[k][s]] for s in points})
+                    wanted[k] = courses[k].send({s: answers[keys[k][s]] for s in points})
                 except StopIteration as stopped:
                     ended |= {keys[k][s]: best for s, best in stopped.value.items()}
             for law, of_law in zip(search.laws, going, strict=True):
@@ -161,42 +140,101 @@ def trained(search: Sampled, folder: SearchFolder, executor: Executor) -> dict[T
 
 
 def _course(search: Sampled, keys: Mapping[int, Training], going: Going) -> Batches:
-    """Search for a law on all samples: on each by itself, then with the best points of the others.
+    """Search for a law on all samples; other laws change nothing of it."""
+    (law, *_) = (key.law for key in keys.values())
+    return (yield from _within(search, keys, going, tuple(range(len(law.axes))), {}))
 
-    Other laws change nothing of it.
+
+def _within(
+    search: Sampled,
+    keys: Mapping[int, Training],
+    going: Going,
+    free: tuple[int, ...],
+    ended: dict[tuple[int, ...], dict[int, Best]],
+) -> Batches:
+    """Search some coordinates of a law: each sample by itself, then with the others' best points.
+
+    The laws that it contains are searched first. Their points count as tried, so that it is never
+    worse on the training runs.
+
+    Parameters
+    ----------
+    free
+        The coordinates; the others are 0, which leaves their numbers out.
+    ended
+        What was found in fewer coordinates, which is extended.
     """
-    going |= {sample: search.by_models(key.law, sample) for sample, key in keys.items()}
-    best = yield from _abreast({sample: one.points() for sample, one in going.items()})
-    if len(keys) < FEWEST_EXCHANGING:
-        return best
-    for _ in range(rounds_of(search.budget)):
-        steps, more = {}, more_of(search.budget)
-        for sample, one in going.items():
-            others = [
-                x.tried.shares[x.point]
-                for s, x in best.items()
-                if s != sample and x.point is not None
-            ]
-            if isinstance(one, ModelSearch) and others:
-                steps[sample] = one.exchanged(np.array(others), more)
-        best |= yield from _abreast(steps)
-        if all((one.gained or 0.0) <= SETTLED for one in best.values()):
+    (law, *_) = (key.law for key in keys.values())
+    before: dict[int, Tried | None] = dict.fromkeys(keys)
+    optional = [k for k in law.optional if k in free and len(free) > 1]
+    for number in optional:
+        rest = tuple(k for k in free if k != number)
+        if rest not in ended:
+            ended[rest] = yield from _within(search, keys, going, rest, ended)
+        for sample, best in ended[rest].items():
+            whole = np.insert(best.tried.shares, free.index(number), 0.0, axis=1)
+            tried, earlier = replace(best.tried, shares=whole), before[sample]
+            before[sample] = tried if earlier is None else earlier.joined(tried)
+    for sample, key in keys.items():
+        going[sample] = search.by_models(key.law, sample, free, before[sample])
+
+    def abreast(steps: Mapping[int, Generator[Array, Tried, Best]]) -> Batches:
+        lifted = {s: _lifted(step, free, len(law.axes)) for s, step in steps.items()}
+        return (yield from _abreast(lifted))
+
+    best_ones = yield from abreast({sample: one.points() for sample, one in going.items()})
+    for _ in range(rounds_of(search.budget) if len(keys) >= FEWEST_EXCHANGING else 0):
+        best_ones |= yield from abreast(_exchanges(search, going, best_ones))
+        if all((one.gained or 0.0) <= SETTLED for one in best_ones.values()):
             break
-    return best
+    return best_ones
+
+
+def _exchanges(
+    search: Sampled, going: Going, best: Mapping[int, Best]
+) -> dict[int, Generator[Array, Tried, Best]]:
+    """Return how the samples of a law go on from the best points of the others."""
+    steps = {}
+    for sample, one in going.items():
+        others = _best_points(best, sample)
+        if isinstance(one, ModelSearch) and len(others):
+            steps[sample] = one.exchanged(others, more_of(search.budget))
+    return steps
+
+
+def _best_points(best: Mapping[int, Best], sample: int) -> Array:
+    """Return the best points of the other samples."""
+    others = [one for number, one in best.items() if number != sample and one.point is not None]
+    return np.array([one.tried.shares[one.point] for one in others])
+
+
+def _lifted(
+    step: Generator[Array, Tried, Best], free: Sequence[int], axes: int
+) -> Generator[Array, Tried, Best]:
+    """Return a search of some coordinates as one that asks for points with all of them."""
+    answer: Any = None
+    while True:
+        try:
+            points = step.send(answer)
+        except StopIteration as stopped:
+            return cast(Best, stopped.value)
+        whole = np.zeros((len(points), axes))
+        whole[:, free] = points
+        answer = replace((yield whole), shares=points)
 
 
 def _abreast(steps: Mapping[int, Generator[Array, Tried, Best]]) -> Batches:
     """Take the searches of several samples side by side, batch by batch."""
-    ended, asked = dict[int, Best](), dict[int, Array]()
+    ended, wanted = dict[int, Best](), dict[int, Array]()
     answers: dict[int, Tried | None] = dict.fromkeys(steps)
     while answers:
-        asked = {}
+        wanted = {}
         for sample, answer in answers.items():
             try:
-                asked[sample] = steps[sample].send(answer)  # type: ignore[arg-type]
+                wanted[sample] = steps[sample].send(answer)  # type: ignore[arg-type]
             except StopIteration as stopped:
                 ended[sample] = stopped.value
-        answers = dict((yield asked)) if asked else {}
+        answers = dict((yield wanted)) if wanted else {}
     return {sample: ended[sample] for sample in steps}
 
 
@@ -209,7 +247,9 @@ def _so_far(search: Sampled, law: LawSearch, going: Going) -> str:
     best = first.best()
     if best is None or first.tried is None:
         return f"{done}, no feasible point so far"
-    values = values_text(law.values(first.tried.shares[best].tolist())) or AS_IT_IS
+    shares = first.tried.shares[best].tolist()  # fewer where a law that it contains is searched
+    values = values_text(law.values(shares)) if len(shares) == len(law.axes) else "fewer numbers"
+    values = values or AS_IT_IS
     cost = quantity_of(search.objectives[0]).cost(first.tried.costs[best])
     return f"{done}, best so far: {search.objectives[0]} {brief(float(cost))} at {values}"
 

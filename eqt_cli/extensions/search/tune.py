@@ -15,27 +15,21 @@ from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief, count_of
-from eqt_cli.config.designs import Cases, DrawnRange
+from eqt_cli.config.designs import Cases
 from eqt_cli.config.document import Document, changed_at, entries_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection, WorstRunSection, without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
+from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, enough, more_of, rounds_of
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
-from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
-from eqt_cli.extensions.search.model_search import Best, ModelSearch
+from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder, TunedRange
+from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE, values_text
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
-from eqt_cli.extensions.search.training import (
-    FEWEST_EXCHANGING,
-    Fixed,
-    Training,
-    more_of,
-    rounds_of,
-    trained,
-)
+from eqt_cli.extensions.search.training import Fixed, Training, trained
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -109,7 +103,7 @@ class Search(Searches[TuneSection]):
         if self.seeks_front:
             return super().points
         searched = self.budget + self.exchanges * more_of(self.budget)
-        points = sum(searched if law.axes else 1 for law in self.laws)
+        points = sum(searched * law.contained if law.axes else 1 for law in self.laws)
         return points * len(self.samples)
 
     @property
@@ -130,6 +124,17 @@ class Search(Searches[TuneSection]):
             + (f", and {count_of(fixed, 'law')} {AS_IT_IS}" if fixed else ""),
         ]
 
+    def remarks(self) -> list[str]:
+        """Say of which laws the budget is too small for their numbers."""
+        if self.seeks_front or prover_of(self.section):
+            return []
+        return [
+            f"tune.budget {self.budget} is small for {count_of(len(law.axes), 'number')} of "
+            f"{law.label}: searches were measured with {enough(len(law.axes))}"
+            for law in self.laws
+            if law.axes and self.budget < enough(len(law.axes)) / 2
+        ]
+
     @property
     def most_points(self) -> str:
         """The largest number of points of a search, and of what exchanges add to it."""
@@ -145,14 +150,30 @@ class Search(Searches[TuneSection]):
             return super().settings
         return self.identity | {"budget": self.budget, "samples": len(self.samples)}
 
-    def by_models(self, law: LawSearch, sample: int) -> ModelSearch | Fixed:
-        """Return the search for a law on a training sample."""
+    def by_models(
+        self,
+        law: LawSearch,
+        sample: int,
+        free: Sequence[int] | None = None,
+        tried: Tried | None = None,
+    ) -> ModelSearch | Fixed:
+        """Return the search for a law on a training sample.
+
+        Parameters
+        ----------
+        free
+            The coordinates that are searched; at the others, the law is one without these numbers.
+        tried
+            What was tried of laws that it contains.
+        """
         if not law.axes:
             return Fixed()
-        snapped = Training(law, sample).snapped
-        return ModelSearch(
-            len(law.axes), self.budget, self.bounds, self.allowed, sample - 1, law.start, snapped
-        )
+        free = range(len(law.axes)) if free is None else free
+        within = Training(law, sample, tuple(free))
+        start = None if law.start is None else [law.start[k] for k in free]
+        also = [[0.0]] if len(free) == 1 and free[0] in law.optional else []
+        about = (self.bounds, self.allowed, sample - 1, start, within.snapped, also, tried)
+        return ModelSearch(len(free), self.budget, *about)
 
     def on_sample(self, document: Document, sample: int) -> Document:
         """Return an experiment with the runs of a training sample."""
@@ -278,7 +299,7 @@ class Search(Searches[TuneSection]):
         return Tuned(law, {0: Population(np.zeros((1, len(law.axes))), scores)}, False, best)
 
     @classmethod
-    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+    def _axis(cls, key: str, axis: TunedRange | None, base: Experiment) -> TunedRange | None:
         """Return the range of a key that belongs to the laws."""
         path = parse_key(entries_of(key)[0])
         if path[0] == "gains" and len(path) > 1:
@@ -636,6 +657,7 @@ class Sampled:
             gains = {
                 "label": self.label(sample),
                 "values": self.values(sample),
+                "units": self.law.units(self.values(sample)),
                 "objectives": [[float(tried.costs[at])]],
                 "measured": tried.measured[at].tolist(),
                 "failed": float(tried.lost[at]),

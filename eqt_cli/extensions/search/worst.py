@@ -13,13 +13,13 @@ import numpy as np
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief, reporter
-from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.document import Document, entries_of, expanded, value_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection, without_search
 from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.extensions.search import law_search
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
+from eqt_cli.extensions.search.law_search import TunedRange
 from eqt_cli.extensions.search.record import WORST, agree, costs_of_runs
 from eqt_cli.extensions.search.run_numbers import Numbers
 from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve, stored_scores
@@ -206,7 +206,7 @@ class WorstSearch(Searches[WorstSection]):
         return at
 
     @classmethod
-    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+    def _axis(cls, key: str, axis: TunedRange | None, base: Experiment) -> TunedRange | None:
         """Return the range of a key that holds a number and can be swept; integers if it does."""
         first = entries_of(key)[0]
         require_sweepable(first)

@@ -119,9 +119,7 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
     assert (
         tables["tuned"]
         .notes[0]
-        .startswith(
-            "Searched: 5 of at most 5 points for every law on 1 training sample of 2 runs in each"
-        )
+        .startswith("Searched: 5 points for every law on 1 training sample of 2 runs in each")
     )
     assert tables["tuned"].notes[1] == (
         "Over the cases ideal and late: each number is from the case in which the mean over all "

@@ -66,9 +66,9 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
         "next     eqt run results/t-tuned/tuned/eqt.yaml",
     ):
         assert line in done.out
-    assert len(done.out.splitlines()) <= 16
+    assert len(done.out.splitlines()) <= 18
     for line in (
-        "Searched: 8 of at most 8 points for every law on 3 training samples of 3 runs.",
+        "for every law on 3 training samples of 3 runs; at most 8 and 3 × 5 after exchanges",
         "Constraints on the held-out runs",
         "Tuned laws against each other, over 3 training samples and 6 runs",
         "GT against EqT",
@@ -137,13 +137,15 @@ def test_a_folder_with_another_result_is_left_alone(eqt, config):
 def test_a_dry_run_says_points_runs_and_time_and_searches_nothing(eqt, config):
     done = eqt("tune", config, "--dry-run", "--workers", "1")
     assert (done.code, done.err) == (0, "")
-    points, runs, time = done.out.splitlines()
-    assert points == "2 laws × 3 training samples × at most 8 points = 48"
-    assert runs == "runs     144 (3 runs at each point), and at most 48 to judge the outcome"
+    points, runs, time, small, _ = done.out.splitlines()
+    assert small.startswith("tune.budget 8 is small for 2 numbers of eqt")
+    searched = "(8 points + 3 × 5 after exchanges between the samples)"
+    assert points == f"2 laws × 3 training samples × at most {searched} = 138"
+    assert runs == "runs     414 (3 runs at each point), and at most 48 to judge the outcome"
     assert re.fullmatch(r"time     about \S+ (s|min) with 1 worker", time)
     assert not Path("results").exists()
     found = json.loads(eqt("tune", config, "--dry-run", "--json").out)
-    assert (found["points"], found["runs"]) == (48, 192)
+    assert (found["points"], found["runs"]) == (138, 462)
 
 
 @pytest.fixture

@@ -8,7 +8,15 @@ import pytest
 from scipy import stats
 
 from eqt_cli.analysis.intervals import Word
-from eqt_cli.extensions.search.ratios import joined, ratio, ratios, sentences, unequal
+from eqt_cli.extensions.search.ratios import (
+    endings,
+    joined,
+    ratio,
+    ratios,
+    sentences,
+    unequal,
+    worse_than_started,
+)
 from eqt_cli.results.metrics import QUANTITIES
 
 METRIC = "mean_pose_error"
@@ -16,10 +24,10 @@ METRIC = "mean_pose_error"
 
 def tuned(label, count):
     labels = [label, *(f"{label}, sample {k}" for k in range(2, count + 1))]
-    searches = [
-        {"sample": k + 1, "label": each, "measured": [50.0]} for k, each in enumerate(labels)
-    ]
-    return {"label": label, "winners": [{"label": label}], "searches": searches}
+    one = {"measured": [50.0], "gained": 0.0, "values": {"gains.kp": 2.0}}
+    searches = [{"sample": k + 1, "label": each} | one for k, each in enumerate(labels)]
+    over = {"gains.kp": [0.1, 10.0]}
+    return {"label": label, "over": over, "winners": [{"label": label}], "searches": searches}
 
 
 def compared(first, second):
@@ -96,6 +104,35 @@ def test_the_word_follows_from_the_interval(factor, samples, word):
     assert one.samples == samples
 
 
+def test_of_a_law_whose_search_is_not_finished_nothing_is_said_but_that():
+    result, record = compared(0.8 * RUNS, RUNS)
+    record |= {"samples": 5, "budget": 100}
+    for gained, is_finished in ((0.004, True), (0.021, False), (None, False)):
+        record["laws"][1]["searches"][3]["gained"] = gained
+        [pair] = ratios(result, record, [METRIC])
+        assert pair.verdict == ("worse" if is_finished else "search not finished")
+        assert ("a is better than b" in sentences(result, [pair], 5)[0]) is is_finished
+        assert bool(endings(record)) is not is_finished
+    record["laws"][1]["searches"][3]["gained"] = 0.021
+    assert endings(record) == [
+        "Search not finished: b gained 2.1 % in its last exchange between samples; "
+        "tune.budget: 140 would go on."
+    ]
+    # Two samples exchange nothing, and decide nothing; a law as it is has no search.
+    assert endings(record | {"samples": 2}) == []
+    record["laws"][1]["over"] = {}
+    assert ratios(result, record, [METRIC])[0].verdict == "worse"
+
+
+def test_a_tuned_law_that_is_worse_than_its_start_says_so():
+    result, record = compared(RUNS, 1.2 * RUNS)
+    a, b = record["laws"]
+    for law, start in ((a, "b"), (b, "a, sample 2")):
+        law["start"] = start
+    [line] = worse_than_started(result, record)
+    assert line.startswith("b is WORSE at its tuned gains than at its starting gains: +20")
+
+
 def test_a_sentence_gives_the_better_law_and_by_how_much_it_is_better():
     for factor in (0.8, 1.25):
         result, record = compared(factor * RUNS, RUNS)
@@ -146,6 +183,10 @@ def test_a_law_that_spends_less_is_named():
     law["searches"][1]["measured"] = [40.0]
     [line] = unequal(record)
     assert line.startswith("GT spends 0.80 to 1.00 of effort 50: its error is no lower with more")
+    law["searches"][0]["values"] = {"gains.kp": 9.99}
+    assert "its ranges hold no gains that spend more (kp at the upper end)" in unequal(record)[0]
+    law["searches"][1]["gained"] = 0.02
+    assert "its search is not finished" in unequal(record)[0]
     law["searches"][1]["measured"] = [52.0]
     [line] = unequal(record)
     assert line.startswith("GT spends 1.00 to 1.04 of effort 50: no gains in its ranges spend less")

@@ -238,7 +238,7 @@ def test_two_samples_call_no_law_better(searched_twice):
     assert tuned.header == ["law", "best values", "start", "tuned"]
     assert float(tuned.blocks[0].rows[0][3]) == pytest.approx(np.mean(both), abs=0.05)
     assert tuned.notes[0] == (
-        "Searched: 5 of at most 5 points for every law on 2 training samples of 2 runs."
+        "Searched: 5 points for every law on 2 training samples of 2 runs; at most 5."
     )
     assert (answer.header, answer.blocks) == (tuned.header, tuned.blocks[:1])
     assert answer.notes[0].startswith("No law is called better: 2 training samples do not show")
