@@ -22,6 +22,7 @@ from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
 from eqt_cli.base import extensions
+from eqt_cli.base.code_files import noted, united
 from eqt_cli.base.errors import ComponentError, EqtError, alike, bare, suggestion
 from eqt_cli.base.files import refusals, text_in
 
@@ -68,6 +69,8 @@ _PLUGIN = "eqt_plugin_"
 
 _registries: list[Registry] = []  # type: ignore[type-arg]  # registries of different bases
 _loaded_plugins: dict[str, ModuleType] = {}
+_code: dict[str, dict[str, str]] = {}
+"""The hashes of the files that modules of components need, by the module."""
 
 
 class Registry(Generic[T]):
@@ -118,7 +121,9 @@ class Registry(Generic[T]):
             for name, module in extension.components.get(self.plural, {}).items():
                 where = f"{self.kind} '{name}' of the extension '{extension.name}'"
                 try:
-                    inside = self._in_module(module)
+                    with noted(module, is_foreign) as files:
+                        inside = self._in_module(module)
+                    _code.setdefault(module, files)
                 except EqtError:
                     raise
                 except (Exception, SystemExit) as error:
@@ -247,7 +252,9 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         sys.modules[module.__name__] = module  # dataclasses look their module up there
         threading.excepthook = _note_exit
         try:
-            exec(compile(text, str(path), "exec"), module.__dict__)
+            with noted(module.__name__, is_foreign, text) as files:
+                exec(compile(text, str(path), "exec"), module.__dict__)
+            _code[module.__name__] = files
         except (Exception, SystemExit) as error:
             raise ComponentError(f"plugin {path}: {described(error)}") from error
     # Messages quote lines of the text, even where the file is another one or does not exist.
@@ -265,6 +272,25 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         )
     _loaded_plugins[digest] = module
     return added
+
+
+def code_of(texts: Iterable[str], *parts: Any) -> dict[str, str]:
+    """Return the hashes of the files that decide what plugins and parts of an experiment compute.
+
+    The plugins themselves are left out. A part may name more in `sources`.
+    """
+    named = [_module_name(sha256(text.encode()).hexdigest()) for text in texts]
+    files, seen = [_code.get(name, {}) for name in named], set[int]()
+    waiting = list(parts)
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, dict | list | tuple):
+            waiting += part.values() if isinstance(part, dict) else part
+        elif hasattr(part, "__dataclass_fields__") and id(part) not in seen:
+            seen.add(id(part))
+            files += _code.get(type(part).__module__, {}), getattr(part, "sources", {})
+            waiting += vars(part).values()
+    return united(files)
 
 
 def _module_name(digest: str) -> str:

@@ -22,7 +22,7 @@ from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.extensions import function_for
 from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
-from eqt_cli.base.registry import blamed
+from eqt_cli.base.registry import blamed, code_of
 from eqt_cli.base.stored import THRUSTER, distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.actuators import THRUSTS, Actuator, nominal
@@ -104,6 +104,8 @@ class Experiment:
         Distributions of the initial poses and velocities.
     document
         The configuration with the text of all code, from which it can be built again anywhere.
+    opened
+        Hashes of the files that code of somebody else opened while this was built, by name.
     """
 
     config: Config
@@ -114,6 +116,7 @@ class Experiment:
     start: "Start"
     solver: Solver
     document: Document
+    opened: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -246,10 +249,16 @@ class Experiment:
             "solver": self.solver.resolved,
         }
 
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Hashes of the files of code of somebody else, but for the plugins themselves, by name."""
+        parts = self.loops, self.start, self.metrics, self.engine
+        return code_of(self.plugins.values(), *parts) | self.opened
+
     @property
     def numeric_config(self) -> dict[str, Any]:
         """Part of the resolved configuration that affects the numbers, with hashes of files."""
-        return numeric(self.resolved, self.files | self.plugins)
+        return numeric(self.resolved, self.files | self.plugins, self.code)
 
     @cached_property
     def digest(self) -> str:
@@ -257,7 +266,9 @@ class Experiment:
         return digest_of(self.numeric_config)
 
 
-def numeric(resolved: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
+def numeric(
+    resolved: Mapping[str, Any], files: Mapping[str, str], code: Mapping[str, str]
+) -> dict[str, Any]:
     """Return the part of a resolved configuration that affects the numbers, with hashes of files.
 
     The names of files do not count, because the folder of a result holds them under other names.
@@ -265,7 +276,7 @@ def numeric(resolved: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, 
     numbers = {
         key: value for key, value in resolved.items() if schema.WORDS not in schema.marks_of(key)
     }
-    return dict(renamed(numbers, hashes(files)))
+    return {**renamed(numbers, hashes(files)), **({"code": dict(code)} if code else {})}
 
 
 def digest_of(data: Any) -> str:

@@ -39,6 +39,7 @@ import numpy as np
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.code_files import opened_files
 from eqt_cli.base.errors import EqtError, InputError, Problems, dotted
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
@@ -80,7 +81,10 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
     ComponentError
         If a component of the user's own fails while it is made.
     """
-    experiment, problems = assemble(document, last), Problems(document.place)
+    problems = Problems(document.place)
+    with opened_files() as opened:
+        experiment = assemble(document, last)
+    experiment = replace(experiment, opened=opened)
     for check in functions_for(purposes.checks_of_an_experiment):  # they note problems
         check(experiment, problems)
     problems.raise_if_any()

@@ -12,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from eqt_cli.base.code_files import united
 from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
@@ -356,7 +357,13 @@ class Study:
     @property
     def numeric_config(self) -> dict[str, Any]:
         """Part of the resolved configuration that affects the numbers, with hashes of files."""
-        return numeric(self.resolved, self.files | self.base.plugins)
+        return numeric(self.resolved, self.files | self.base.plugins, self.code)
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Hashes of the files of code of somebody else at the first points of all shapes."""
+        firsts = [points[0] for points in self.shapes[1:]]
+        return united([self.base.code, *(self.experiment(point).code for point in firsts)])
 
     @cached_property
     def digest(self) -> str:

@@ -730,6 +730,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         "config": study.document.source.comment + dump((study.whole or study).resolved),
         "plugins": dump(study.base.plugins),
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
+        **({"code": json.dumps(study.code)} if study.code else {}),
         "digest": (study.whole or study).digest,
         "group": ", ".join(groups),
         "experiment": _experiment(

@@ -420,6 +420,8 @@ def pack(
     origin: dict[str, Any],
     seconds: dict[str, float],
     taken: Callable[[int, Assembly], Works] | None = None,
+    *,
+    taken_last: bool = False,
 ) -> None:
     """Write the result file from all parts, which must exist.
 
@@ -434,7 +436,9 @@ def pack(
     seconds
         Wall times of what was done; receives that of the cross-check.
     taken
-        Writes first what is taken over from other results into the file of a piece.
+        Writes what is taken over from other results into the file of a piece.
+    taken_last
+        Whether what is taken over stays where it was computed again.
 
     Raises
     ------
@@ -454,8 +458,10 @@ def pack(
             with new_result_file(piece, path) as file:
                 for name, values in (task.shared(index) or {}).items():
                     file.put(name, values[::decimate])
-                earlier = taken(index, file) if taken else {}
+                earlier = taken(index, file) if taken and not taken_last else {}
                 states, works = put_parts(task, piece, parts[index], file, times)
+                if taken and taken_last:
+                    earlier = taken(index, file)
                 for label, work in earlier.items():
                     works[label] = max(works.get(label, 0.0), work)
                 checked.append((states, works))

@@ -8,6 +8,7 @@ when it is complete.
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,7 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly
 from eqt_cli.base.stored import LAW_OUTPUT, POINT
+from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import digest_of
 from eqt_cli.config.parts import StudyPart
@@ -32,7 +34,7 @@ from eqt_cli.extensions.growth.reruns import GROWING
 from eqt_cli.extensions.growth.solvers_of_runs import remarks
 from eqt_cli.loop.signals import output_names
 from eqt_cli.results.quantity import ValuePer
-from eqt_cli.runs.batches import chosen_entries, kind_of
+from eqt_cli.runs.batches import BOUND_PER_RTOL, chosen_entries, kind_of
 from eqt_cli.runs.compute_part import PartTask
 from eqt_cli.runs.folder import (
     GROWN,
@@ -71,7 +73,12 @@ class Source:
     @cached_property
     def digests(self) -> dict[str, Run]:
         """The point and the law of each digest."""
-        return {digest: run for run, digest in digests_of(self.study).items()}
+        return {digest: run for run, digest in digests_of(self.study, self.code).items()}
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Hashes of the files of code that computed its runs."""
+        return dict(json.loads(str(self.file.attributes.get("code", "{}"))))
 
     @cached_property
     def runs(self) -> int:
@@ -81,7 +88,7 @@ class Source:
     @cached_property
     def blocks(self) -> set[tuple[Any, ...]]:
         """The runs of each part, whose engine may have solved them together."""
-        names = digests_of(self.study)
+        names = digests_of(self.study, self.code)
         return {
             content
             for index in range(len(self.study.shapes))
@@ -116,17 +123,41 @@ def source_of(file: ResultFile) -> Source:
     return Source(file, study(document_of(file)))
 
 
-def digests_of(of: Study) -> dict[Run, str]:
-    """Return the digest of each law at each point: of all that decides the numbers of its runs."""
+def digests_of(of: Study, code: Mapping[str, str] | None = None) -> dict[Run, str]:
+    """Return the digest of each law at each point: of all that decides the numbers of its runs.
+
+    Parameters
+    ----------
+    code
+        Hashes of the files of code, if not those that are there now.
+    """
+    code = of.code if code is None else code
     digests: dict[Run, str] = {}
     for point in range(len(of)):
-        config = dict(of.experiment(point).numeric_config)
+        config = {**of.experiment(point).numeric_config, "code": code}
         laws = {str(law["label"]): law for law in config.pop("controllers")}
         config["ensemble"] = {k: x for k, x in config["ensemble"].items() if k != "runs"}
         config["solver"] = {k: x for k, x in config["solver"].items() if k != "cross_check"}
         config["store"] = {k: x for k, x in config["store"].items() if k in ("decimate", "memory")}
         digests |= {(point, k): digest_of([config, law]) for k, law in laws.items()}
     return digests
+
+
+def require_same_code(wanted: Study, source: Source) -> None:
+    """Raise an `EqtError` where files of code have changed since a result was computed."""
+    lines = [
+        f"  {name}: {source.code.get(name, 'none')} there, {wanted.code.get(name, 'none')} here"
+        for name in sorted(source.code.keys() | wanted.code.keys())
+        if source.code.get(name) != wanted.code.get(name)
+    ]
+    if lines:
+        raise EqtError(
+            f"{source.file.path}: was computed by other files of code, whose hashes differ",
+            Remedy("undo their changes"),
+            Remedy("compute it all again with {}", "force"),
+            OTHER_FOLDER,
+            lines=lines,
+        )
 
 
 def parts_of(
@@ -274,7 +305,7 @@ class Growth:
                     point, run = divmod(entry, part.runs)
                     taken = self.taken.get((points[point], labels[part.controller]))
                     missing.append(entry in checked or taken is None or run >= taken.runs)
-                if _is_shared(piece.base.engine):
+                if is_shared(piece.base.engine):
                     differs = not any(content in source.blocks for source in self.sources)
                     missing = [differs or any(missing)] * len(missing)
                 chosen += [(index, piece) for piece in _cut(part, missing)]
@@ -283,12 +314,53 @@ class Growth:
     def lacks(self, index: int, part: StudyPart) -> int:
         """Return how many runs of a part the sources lack; those in blocks count as lacking."""
         piece, points = self.study.piece(index), self.study.shapes[index]
-        if _is_shared(piece.base.engine):
+        if is_shared(piece.base.engine):
             return len(part)
         label = list(self.study.base.loops)[part.controller]
         held = [self.taken.get((points[point], label)) for point in part.points.tolist()]
         pairs = zip(held, part.run_numbers.tolist(), strict=True)
         return sum(taken is None or run >= taken.runs for taken, run in pairs)
+
+    def compare(self, task: PartTask, origin: Mapping[str, Any]) -> None:
+        """Compare the kept runs that were computed again with what the sources hold.
+
+        They have the same bits by the same versions, on the same arithmetic, each alone; else
+        they differ by at most `BOUND_PER_RTOL` times the solver's tolerance, as cross-checks allow.
+
+        Raises
+        ------
+        EqtError
+            If one differs by more.
+        """
+        labels, engine = list(self.study.base.loops), self.study.base.engine
+        whole = dict[tuple[int, str], Array]()
+        for item, finished in sorted(task.finished().items()):
+            index, part = task.part(item)
+            label, points = labels[part.controller], self.study.shapes[index]
+            pairs = zip(part.points.tolist(), part.run_numbers.tolist(), strict=True)
+            held = [(self.taken.get((points[p], label)), points[p], run) for p, run in pairs]
+            if not any(taken and run < taken.runs for taken, _, run in held):
+                continue
+            data = task.slab(item, finished.path).data
+            for k, (taken, point, run) in enumerate(held):
+                if taken is None or run >= taken.runs:
+                    continue
+                there = json.loads(str(taken.source.file.attributes["provenance"]))
+                exact = not is_shared(engine) and not differences(together(there, origin), there)
+                bound = 0.0 if exact and OTHERS not in there else BOUND_PER_RTOL * engine.rtol
+                for entry in stored_quantities(self.study.piece(index)):
+                    if entry.per is not ValuePer.RUN or entry.name not in data:
+                        continue
+                    stored, again = taken.numbers(entry.name, whole)[run], data[entry.name][k]
+                    if _differs(stored, again, bound):
+                        raise EqtError(
+                            f"{taken.source.file.path}: run {run} of {label} at point {point} was "
+                            f"computed again, and its {entry.name} is {again}, but {stored} there: "
+                            "what computes it has changed",
+                            Remedy("undo that change"),
+                            Remedy("compute all runs again with {}", "force"),
+                            OTHER_FOLDER,
+                        )
 
     def put_into(self, index: int, file: Assembly) -> Works:
         """Write what is taken over into the file of a piece; return the largest work by law."""
@@ -316,6 +388,14 @@ class Growth:
         return longest
 
 
+def _differs(stored: Any, again: Any, bound: float) -> bool:
+    """Whether a number of a run differs from the stored one; with a bound, only if it is real."""
+    if np.asarray(stored).dtype.kind != "f":
+        return bool(bound == 0 and np.any(stored != again))
+    apart = ~np.isclose(again, stored, rtol=bound, atol=bound, equal_nan=True)
+    return bool(apart.any())
+
+
 def _put(file: Assembly, name: str, values: Array, *at: int | slice) -> None:
     """Write an array at positions, of which integers stand for axes that it lacks."""
     lacking = sum(isinstance(k, int) for k in at)
@@ -335,7 +415,7 @@ def _put_start(piece: Study, place: int, taken: Taken, file: Assembly) -> None:
             _put(file, entry.name, view[entry.name], *((place,) if in_sweep else ()))
 
 
-def _is_shared(engine: Engine) -> bool:
+def is_shared(engine: Engine) -> bool:
     """Whether the engine solves several runs together, so that each depends on the others."""
     return not isinstance(engine, Compiled) and getattr(engine, "runs_per_block", 1) > 1
 
@@ -383,6 +463,7 @@ def _completed(
     """Compute what the sources lack, write the new result, and let it take the place of the old."""
     folder, wanted = session.folder, session.study
     for source in growth.sources:
+        require_same_code(growth.study, source)
         if not growth.taken:
             raise folder.of_another(wanted, Remedy("compute it all with {}", "force"), OTHER_FOLDER)
         if not drops and (lost := growth.left_out(source)):
@@ -400,7 +481,7 @@ def _completed(
     task = PartTask(wanted, PartFiles(place), tuple(chosen))
     session.note_earlier(manifest)
     held = session.plan.total - sum(growth.lacks(index, part) for index, part in chosen)
-    if _is_shared(wanted.base.engine) and not drops:
+    if is_shared(wanted.base.engine) and not drops:
         reporter().remark(
             EqtWarning(
                 f"{folder.path}: the engine solves runs in blocks; those of blocks that differ, or "
@@ -413,8 +494,10 @@ def _completed(
     grown = ResultFolder(folder.path / GROWN)
     folder.remove(GROWN)
     grown.path.mkdir(exist_ok=True)
+    growth.compare(task, session.origin)
+    last = not is_shared(wanted.base.engine)
     with timed(session.seconds, "writing", without="cross-check"):
-        pack(task, grown, session.origin, session.seconds, growth.put_into)
+        pack(task, grown, session.origin, session.seconds, growth.put_into, taken_last=last)
     with open_results(grown.results) as result:
         failed = int(np.count_nonzero(result["status"]))
     record = session.manifest_of({}, afresh=True) | {"provenance": session.origin}

@@ -19,7 +19,7 @@ from eqt_cli.config.designs import overlap
 from eqt_cli.config.document import Document, document_of, value_at
 from eqt_cli.config.experiment import hashes, renamed
 from eqt_cli.config.study import study, sweep_of
-from eqt_cli.extensions.growth.growth import Growth, source_of
+from eqt_cli.extensions.growth.growth import Growth, is_shared, require_same_code, source_of
 from eqt_cli.runs.compute_part import PartTask
 from eqt_cli.runs.executors import Serial
 from eqt_cli.runs.folder import RERUN, ResultFolder
@@ -60,6 +60,8 @@ def join(paths: Sequence[Path], out: Path, *, trusted: bool = False) -> Executio
             whole = _union(whole, other, paths[0], path)
         wanted = study(whole)
         growth = Growth(wanted, [source_of(result) for result in opened])
+        for source in growth.sources:
+            require_same_code(wanted, source)
         if lacking := _lacking(growth):
             raise EqtError(
                 f"{out}: together these results lack {', '.join(lacking)}; compute them first, or "
@@ -81,8 +83,10 @@ def _joined(session: Session, growth: Growth, opened: Sequence[Any]) -> Executio
         session.note_earlier({"provenance": json.loads(str(result.attributes["provenance"]))})
     with timed(session.seconds, "simulation"):
         session.compute(task)
+    growth.compare(task, session.origin)
+    last = not is_shared(wanted.base.engine)
     with timed(session.seconds, "writing", without="cross-check"):
-        pack(task, folder, session.origin, session.seconds, growth.put_into)
+        pack(task, folder, session.origin, session.seconds, growth.put_into, taken_last=last)
     with open_results(folder.results) as result:
         failed = int(np.count_nonzero(result["status"]))
     ending = {"finished": now(), "seconds": session.seconds, "failed": failed}
