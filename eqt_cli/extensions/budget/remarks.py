@@ -33,24 +33,26 @@ def remarks(experiment: Experiment, shown: object) -> Iterator[tuple[Any, str]]:
         for index, sensor in enumerate(sensors if isinstance(sensors, list) else ()):
             for key in KEYS:
                 if isinstance(sensor, dict) and key in sensor:
-                    text = _too_large(sensor, key, place, experiment.group)
-                    if text:
+                    for text in _too_large(sensor, key, place, experiment.group):
                         yield ("sensors", place, index, key), text
 
 
-def _too_large(sensor: dict[str, Any], key: str, place: str, group: MatrixLieGroup) -> str:
-    """Return what is wrong with the largest plain number of a key; empty if nothing is."""
-    plain = list(_plain(sensor[key]))
+def _too_large(
+    sensor: dict[str, Any], key: str, place: str, group: MatrixLieGroup
+) -> Iterator[str]:
+    """Yield what is wrong with the largest plain number of each part, in the unit of that part."""
     by_part = UnitPlace(group, place, str(sensor.get("of", ""))).units(KEYS[key])
-    for unit, (largest, of_sheets) in LARGEST.items():
-        if plain and max(plain) > largest and any(factor(x, unit) for x, _ in by_part.values()):
-            most = max(plain)
-            return (
-                f"{most:g} without a unit is {most:g} {unit}, or "
-                f"{most * (factor(unit, of_sheets) or 1.0):.3g} {of_sheets}; write the unit, such "
-                f"as '{most:g} {of_sheets}'"
-            )
-    return ""
+    written, stop = sensor[key], max(axes.stop for _, axes in by_part.values())
+    is_of_all = len(by_part) > 1 and isinstance(written, list) and len(written) == stop
+    for of_part, axes in by_part.values():
+        most = max(_plain(written[axes] if is_of_all else written), default=0.0)
+        for unit, (largest, of_sheets) in LARGEST.items():
+            if most > largest and factor(of_part, unit):
+                yield (
+                    f"{most:g} without a unit is {most:g} {unit}, or "
+                    f"{most * (factor(unit, of_sheets) or 1.0):.3g} {of_sheets}; write the unit, "
+                    f"such as '{most:g} {of_sheets}'"
+                )
 
 
 def _plain(written: Any) -> Iterator[float]:

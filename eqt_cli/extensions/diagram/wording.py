@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, get_args, get_type_hints
 
 from eqt_cli.base.option_types import (
@@ -28,7 +30,7 @@ MOST_CHARACTERS, MOST_ENTRIES = 26, 4
 SPACE = "\u00a0"
 """Stands between a number and its unit, where no line ends."""
 
-_SIGNS = {"^-1": "⁻¹", "^2": "²", "^3": "³", "sqrt(s)": "√s"}
+_SIGNS = {"^-1": "⁻¹", "^2": "²", "^3": "³", "sqrt(s)": "√s", "sqrt(h)": "√h", "sqrt(Hz)": "√Hz"}
 
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -181,9 +183,9 @@ def option_text(
     words = name.rstrip("_").replace("_", " ")
     if isinstance(value, bool):
         return words if value else f"without {words}"
-    if _has_units(written):
-        return f"{words} {_as_written(written)}"
     units = units_of(component, name, place)
+    if _has_units(written):
+        return f"{words} {_as_written(written, units)}"
     if [unit for unit, _ in units] == ["s"] and isinstance(value, int | float):
         return f"{words} {time_text(value)}"
     if isinstance(value, str):
@@ -196,19 +198,31 @@ def _has_units(value: Any) -> bool:
     return has_unit(value) or (isinstance(value, list) and any(map(has_unit, value)))
 
 
-def _as_written(value: Any) -> str:
-    """Return numbers with the unit in which they are written, once if it is the same."""
+def _as_written(value: Any, units: Sequence[tuple[str, slice | None]] = ()) -> str:
+    """Return numbers with the units in which they are written, once for neighbours of the same.
+
+    Numbers without a unit have that of their coordinate.
+    """
     entries = value if isinstance(value, list) else [value]
-    pairs = [split(x) if isinstance(x, str) else None for x in entries]
-    units = {pair[1]: None for pair in pairs if pair is not None}
-    numbers = [
-        _rounded(x if pair is None else pair[0]) for x, pair in zip(entries, pairs, strict=True)
-    ]
-    if len(units) > 1:
-        named = zip(numbers, pairs, strict=True)
-        return ", ".join(f"{x}{SPACE}{unit_text(pair[1])}" if pair else x for x, pair in named)
-    shown = numbers[0] if len({*numbers}) == 1 else ", ".join(numbers)
-    return f"{shown}{SPACE}{unit_text(next(iter(units)))}"
+    named = []
+    for k, entry in enumerate(entries):
+        pair = split(entry) if isinstance(entry, str) else None
+        unit = _unit_at(k, units) if pair is None else unit_text(pair[1])
+        named.append((_rounded(entry if pair is None else pair[0]), unit))
+    texts = []
+    for unit, group in groupby(named, key=itemgetter(1)):
+        numbers = [number for number, _ in group]
+        shown = numbers[0] if len({*numbers}) == 1 else ", ".join(numbers)
+        texts.append(f"{shown}{SPACE}{unit}".strip(SPACE))
+    return "; ".join(texts)
+
+
+def _unit_at(k: int, units: Sequence[tuple[str, slice | None]]) -> str:
+    """Return the unit of a coordinate, of a part where that is measured alone."""
+    for unit, axes in units:
+        if len(units) == 1 or axes is None or k in range(axes.start, axes.stop):
+            return unit
+    return ""
 
 
 def _rounded(number: Any) -> str:

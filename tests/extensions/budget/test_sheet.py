@@ -93,3 +93,22 @@ def test_a_number_that_lacks_its_unit_is_remarked_on(place, options, words):
     said = [str(experiment.document.problem(key, text)) for key, text in remarks(experiment, None)]
     assert len(said) == bool(words)
     assert re.search(words, "".join(said))
+
+
+@pytest.mark.parametrize(
+    ("density", "words"),
+    [
+        ([5e-5, 5e-5, 5e-5, 0.002, 0.002, 0.002], ""),  # 0.002 m/√s of a velocity
+        ([5e-3, 5e-5, 5e-5, 0.002, 0.9, 0.002], r"density: 0.005 .* 17.2 deg/sqrt\(h\)"),
+        (["0.3 deg/√h", "0.3 deg/√h", "0.3 deg/√h", 0.002, 0.002, 0.002], ""),
+        (["0.3 deg/√h", 0.26, "0.3 deg/√h", 0.002, 0.002, 0.002], r"0.26 .* 894 deg/sqrt\(h\)"),
+        (0.26, r"density: 0.26 .* 894 deg/sqrt\(h\)"),
+    ],
+)
+def test_each_coordinate_has_its_unit(density, words):
+    """Of a turn and a translation: rad/√s is in no entry of the latter; 0.26 · 60 · 180/π = 894."""
+    config = {**BODY, "sensors": {"velocity": [{"kind": "noise", "density": density}]}}
+    experiment = eqt_cli.load_experiment(config).experiment(0)
+    said = [str(experiment.document.problem(key, text)) for key, text in remarks(experiment, None)]
+    assert len(said) == bool(words)
+    assert re.search(words, "".join(said))

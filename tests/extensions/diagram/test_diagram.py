@@ -7,11 +7,15 @@ from xml.etree import ElementTree
 import pytest
 
 import eqt_cli
+from eqt_cli.base.option_types import VELOCITY, UnitPlace
 from eqt_cli.components import blocks
+from eqt_cli.components.sensors import Noise
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study, without_sweep
+from eqt_cli.extend import group_named
 from eqt_cli.extensions.diagram.wires import Wire, observed
+from eqt_cli.extensions.diagram.wording import SPACE, option_text
 from eqt_cli.loop import closed_loop
 
 pytestmark = pytest.mark.needs("diagram")
@@ -106,3 +110,19 @@ def test_a_shipped_configuration_has_all_its_parts_in_the_diagram(name):
         for place, part in base.vehicle.parts.items():
             for word in getattr(part, "members", {}) or [getattr(part, "name", "")]:
                 assert word.replace("_", "") in bare, place
+
+
+@pytest.mark.parametrize(
+    ("density", "text"),
+    [
+        (["0.3 deg/√h"] * 3 + [0.002] * 3, "0.3 deg/√h; 0.002 m/√s"),
+        ([5e-4] * 3 + ["0.2 m/s/√Hz"] * 3, "0.0005 rad/√s; 0.2 m/s/√Hz"),
+        ([5e-4] * 3 + [0.002] * 3, "0.0005 rad/√s; 0.002 m/√s"),
+        ("0.3 deg/√h", "0.3 deg/√h"),
+    ],
+)
+def test_numbers_without_a_unit_have_that_of_their_coordinate(density, text):
+    """A list whose first half has a unit does not lend it to the second."""
+    noise, place = Noise(density=0.1), UnitPlace(group_named("SE3"), VELOCITY)
+    written = option_text(noise, "density", density, place, density).replace(SPACE, " ")
+    assert written == f"density {text}"
