@@ -1,5 +1,6 @@
 """What turns a spacecraft without fuel: wheels, gyros, magnetorquers, B-dot; gravity gradient."""
 
+from eqt_cli.base import purposes
 from eqt_cli.base.extensions import Extension
 
 
@@ -10,3 +11,4 @@ def register(extension: Extension) -> None:
     extension.add_component("actuators", "magnetorquers", "magnetic")
     extension.add_component("controllers", "b_dot", "magnetic")
     extension.add_component("forces", "gravity_gradient", "gravity")
+    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")

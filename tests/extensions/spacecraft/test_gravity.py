@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+import eqt_cli
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import group_named
 from eqt_cli.extensions.spacecraft.gravity import GravityGradient
+from eqt_cli.extensions.spacecraft.remarks import remarks
 
 pytestmark = pytest.mark.needs("spacecraft")
 SO3, SE3 = group_named("SO3"), group_named("SE3")
@@ -59,3 +61,66 @@ def test_it_turns_bodies_in_space_only(noted):
 )  # fmt: skip
 def test_what_does_not_fit_it_is_said(noted, force, place, said):
     assert noted(force, SE3) == [(place, said)]
+
+
+MU, R = 3.986004418e14, 6371.2e3
+
+
+def satellite(*, orbit=None, **gradient):
+    """Remarks on a satellite with a gravity gradient, and a field on an orbit."""
+    force = {"kind": "gravity_gradient", "inertia": [0.05, 0.06, 0.03], **gradient}
+    torquers = {
+        "kind": "magnetorquers",
+        "limit": 0.4,
+        "orbit": {"inclination": 0.1, **(orbit or {})},
+    }
+    config = {
+        "group": "SO3",
+        "inertia": [0.05, 0.06, 0.03],
+        "gains": {"kp": 2e-3, "kd": 0.015},
+        "reference": {"kind": "constant"},
+        "controllers": ["lee2010"],
+        "plant": {"forces": [force]},
+        "actuators": [torquers] if orbit else None,
+        "control": {"period": 0.5},
+        "time": {"duration": 10},
+    }
+    experiment = eqt_cli.load_experiment(config).experiment(0)
+    return {".".join(map(str, key)): text for key, text in remarks(experiment, None)}
+
+
+@pytest.mark.parametrize(
+    ("height", "e", "factor"),
+    [(500e3, 0.0, 1.0), (500e3, 0.3, 1.0), (35786e3, 0.0, 1.01), (500e3, 0.72, 1.0)],
+)
+def test_one_orbit_in_two_places_is_not_remarked_on(height, e, factor):
+    """n = √(μ/a³) with a = (R + h)/(1 − e), to the digits that people write."""
+    n = factor * np.sqrt(MU * ((1 - e) / (R + height)) ** 3)
+    orbit = {"altitude": height, "eccentricity": e, "anomaly": 2.0}
+    assert not satellite(rate=float(n), eccentricity=e, anomaly=2.0 - 2 * np.pi, orbit=orbit)
+
+
+@pytest.mark.parametrize(
+    ("changed", "key", "words"),
+    [
+        ({"rate": np.sqrt(MU / (R + 5e5) ** 3)}, "rate", f"{0.7**-3:.3g} times"),
+        ({"rate": {"uniform": [6e-4, 9e-4]}}, "rate", "0.00075 rad/s"),
+        ({"eccentricity": 0.2}, "eccentricity", "that of actuators[0].orbit is 0.3"),
+        ({"anomaly": np.pi}, "anomaly", "is 180 deg, but that of actuators[0].orbit is 0 deg"),
+    ],
+)
+def test_orbits_that_contradict_are_told(changed, key, words):
+    """The circle at the perigee of e = 0.3 turns 0.7^(−3/2) times as fast, its torque 0.7^(−3)."""
+    n = float(np.sqrt(MU * (0.7 / (R + 5e5)) ** 3))
+    gradient = {"rate": n, "eccentricity": 0.3, "anomaly": 0.0} | changed
+    said = satellite(**gradient, orbit={"altitude": 5e5, "eccentricity": 0.3})
+    assert [*said] == [f"plant.forces.0.{key}"]
+    assert words in said[f"plant.forces.0.{key}"]
+
+
+def test_heights_and_rates_of_no_orbit_are_told():
+    low = satellite(rate=1.2e-3, orbit={"altitude": 500})
+    assert "'500 km'" in low["actuators.0.orbit.altitude"]
+    assert "'0.06 deg/s'" in satellite(rate=0.06)["plant.forces.0.rate"]
+    assert not satellite(rate=1.2e-3)  # 5 300 s, at 130 km
+    assert "rate" in "".join(satellite(rate=1.2e-3, eccentricity=0.1))  # a perigee in the ground
