@@ -26,7 +26,10 @@ from eqt_cli.runs.folder import MOST_OUTPUTS
 
 Placed = Iterator[tuple[KeyPath, str]]
 
-FASTEST = {"torque": 1e6, "force": 1e4}
+MOST_WEIGHTS, G0 = 50.0, 9.80665
+"""Thrust to weight beyond every vehicle's, of which racing quadrotors have 15; m/s²."""
+
+FASTEST = {"torque": 1e6, "force": MOST_WEIGHTS * G0}
 """Accelerations by all thrusters at their limits, rad/s² and m/s². A Crazyflie of 30 g has 1,000
 rad/s² and 25 m/s², a rocket 100 m/s²."""
 
@@ -136,18 +139,25 @@ def _of_another_unit(experiment: Experiment) -> Placed:
             continue
         low, high = member.limits(failed=False)
         pushes = np.asarray(member.part.matrix) * np.maximum(np.abs(low), np.abs(high))
-        rates = np.hypot.reduce(member.wanted @ inverse @ pushes, axis=-1)  # squares may overflow
+        parts = member.wanted @ inverse @ pushes
+        rates = np.maximum(*(np.maximum(sign * parts, 0.0).sum(axis=-1) for sign in (1, -1)))
         for name, rate in zip(member.names, rates, strict=True):
             most = FASTEST[name.partition(" ")[0]]
             if rate > most:
                 unit = "rad/s²" if "torque" in name else "m/s²"
                 option = "thrust_constant" if written.thrust_constant is not None else "high"
+                by_weight = "" if "torque" in name else f", {rate / G0:,.0f} times its weight"
+                speed = ""
+                if getattr(written, "high_speed", None) is not None:
+                    most = highest(written.high_speed)
+                    speed = f", and that of high_speed: if rpm were meant, write '{most:g} rpm'"
                 yield (
                     (*key, option),
                     f"lets thrusts of {np.max(high):.3g} N accelerate the body by {rate:.2g} "
-                    f"{unit}; check its unit and its exponent",
+                    f"{unit}{by_weight}; check its unit and its exponent{speed}",
                 )
                 break
+        yield from _of_moments(key, written, member.part, experiment.group)
         turned = [one for one in written.thrusters or () if abs(one.turns) == 1.0]
         if turned and written.moment_constant is None:
             yield (
@@ -155,6 +165,31 @@ def _of_another_unit(experiment: Experiment) -> Placed:
                 "`turns: 1` is a torque of 1 N m for each N of thrust, where propellers have some "
                 "0.02 m; give the moment_constant, of which 1 and −1 are the signs, or the ratio",
             )
+
+
+def _of_moments(key: KeyPath, written: Any, part: Any, G: Any) -> Placed:
+    """Yield a torque about the thrust of a rotor that is larger than by its lever.
+
+    A column (τ, f) of B has the ratio τ·f/|f|² about the thrust, and the lever |τ − (τ·f) f/|f|²|
+    over |f|, both in m. Propellers have a ratio of 0.02 m, a tenth of their diameter or less.
+    """
+    if G.translation is None or written.moment_constant is None or not written.thrusters:
+        return
+    torques, forces = (np.asarray(part.matrix)[axes].T for axes in (slice(0, 3), slice(3, 6)))
+    sizes = norm(forces)
+    along = forces / sizes[:, None]
+    about = (torques * along).sum(axis=-1)
+    ratio = float(np.max(np.abs(about) / sizes))
+    lever = float(np.max(norm(torques - about[:, None] * along) / sizes))
+    if ratio > lever > 0:
+        meant = highest(written.moment_constant)
+        hint = f"; if that were metres, write {meant:g} times thrust_constant"
+        yield (
+            (*key, "moment_constant"),
+            f"makes a torque of {ratio:.3g} N m about its axis for each N of thrust, by the "
+            f"farthest lever it is {lever:.3g} N m; propellers have some 0.02 m"
+            f"{hint if meant < lever else '; check its unit and its exponent'}",
+        )
 
 
 def _of_wheels(key: KeyPath, part: Any, inverse: Array) -> Placed:

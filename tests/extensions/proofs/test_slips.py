@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from rotor_vehicles import HIGH, rotors
+from rotor_vehicles import ARM, HIGH, W, rotors
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
@@ -81,10 +81,44 @@ def test_a_slip_is_told_at_its_key(config: dict[str, Any], key: str, word: str) 
     assert not any(text.startswith("actuators[0]: ") for text in said)
 
 
+K = HIGH / 500.0**2
+SPUN = changed(OF_ANOTHER_UNIT, thrust_constant=K, moment_constant=0.02 * K, high_speed=500.0)
+
+
+@pytest.mark.parametrize(
+    ("config", "key", "words"),
+    [
+        (changed(QUAD, high=51 * W / 4), "actuators[0].high", ["51 times its weight"]),
+        (changed(SPUN, high_speed=6000), "actuators[0].thrust_constant", ["'6000 rpm'"]),
+        (changed(SPUN, thrust_constant=0.1), "actuators[0].thrust_constant", ["its exponent"]),
+        (
+            changed(SPUN, moment_constant=0.02),
+            "actuators[0].moment_constant",
+            [f"{0.02 / K:.3g} N m", "0.02 times"],
+        ),
+        (
+            changed(SPUN, moment_constant=ARM * K * 1.01),
+            "actuators[0].moment_constant",
+            [f"{1.01 * ARM:.3g} N m", f"{ARM:.3g} N m"],
+        ),
+        (changed(SPUN, moment_constant=1.0), "actuators[0].moment_constant", ["its exponent"]),
+    ],
+)
+def test_thrusts_and_moments_of_no_rotor(
+    config: dict[str, Any], key: str, words: list[str]
+) -> None:
+    """Thrusts over 50 weights, torques over the lever: 4 F/(m g), k_m/k and the arm by hand."""
+    (said,) = [text for text in told(config) if text.startswith(f"{key}: ")]
+    assert all(word in said for word in words)
+
+
 @pytest.mark.parametrize(
     "config",
     [
         QUAD,
+        SPUN,
+        changed(QUAD, high=49 * W / 4),
+        changed(SPUN, moment_constant=ARM * K * 0.99),
         changed(QUAD, time_constant=0.04),
         changed(QUAD, thrusters=quad_by(0.05)),
         changed(QUAD, sag="1 - 0.02*t"),
