@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check notebooks sheets suite suite-again test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check notebooks sheets suite suite-again test test-core test-all test-lowest alone tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -70,6 +70,9 @@ test-core: $(VENV)/.stamp-test ## run the quick tests of the core without extens
 SHARE ?= full
 test-all: $(VENV)/.stamp-test ## run all tests; SHARE=3/8: of cases like quick ones a share; ARGS='-m ci': only others
 	EQT_SHARE=$(filter-out full,$(SHARE)) $(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
+
+alone: $(VENV)/.stamp-test ## takes away one extension after the other; the places of the others must import, and commands answer
+	$(BIN)/python -m pytest -n auto -m ci tests/base/test_alone.py $(ARGS)
 
 tiers: $(VENV)/.stamp-test ## measure all tests and choose the quick ones, in tests/tiers.tsv (needs Python 3.12)
 	rm -rf build/tiers

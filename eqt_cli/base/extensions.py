@@ -151,6 +151,11 @@ class Extension:
         self.components: dict[str, dict[str, str]] = {}
         self.commands: dict[str, CommandPlace] = {}
         self.functions: list[FunctionPlace] = []
+        self.needs: set[str] = set()
+
+    def need(self, name: str) -> None:
+        """Name an extension of eqt that this one imports; without it, this one is left out."""
+        self.needs.add(name)
 
     def add_kind(self, kind: str, module: str) -> None:
         """Name the module of the registry of a kind of components, by its plural."""
@@ -179,13 +184,14 @@ class Extension:
 
 @lru_cache(maxsize=1)
 def shipped() -> tuple[Extension, ...]:
-    """Return the extensions in the folder, by name; none without the folder."""
+    """Return the extensions in the folder, by name, but for those that need an absent one."""
     folder = Path(__file__).parents[1] / "extensions"
     extensions = []
     for name in sorted(module.name for module in pkgutil.iter_modules([str(folder)])):
         extensions.append(Extension(name, f"eqt_cli.extensions.{name}"))
         importlib.import_module(extensions[-1].package).register(extensions[-1])
-    return tuple(extensions)
+    names = {extension.name for extension in extensions}
+    return tuple(extension for extension in extensions if extension.needs <= names)
 
 
 @lru_cache(maxsize=1)
@@ -295,13 +301,14 @@ def _listed(stub: Path) -> dict[str, str]:
     import ast
 
     modules: dict[str, str] = {}
+    names = {extension.package for extension in shipped()}
     for statement in ast.parse(stub.read_text("utf-8")).body:
         if isinstance(statement, ast.ImportFrom):
             module = str(statement.module)
             if statement.names[0].name == "*":
                 place = Path(__file__).parents[2].joinpath(*module.split("."))
                 extension = place / "__init__.pyi" if place.is_dir() else place.with_suffix(".pyi")
-                modules |= _listed(extension) if extension.exists() else {}
+                modules |= _listed(extension) if ".".join(module.split(".")[:3]) in names else {}
             else:
                 modules |= dict.fromkeys((alias.name for alias in statement.names), module)
     return modules

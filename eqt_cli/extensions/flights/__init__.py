@@ -6,6 +6,7 @@ from eqt_cli.base.extensions import COMPUTE, Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
+    extension.need("logs")
     extension.add_component("controllers", "replay", "prediction")
     extension.add_component("figures", "measured", "figures")
     of_replay = "model.yaml --measured flown.csv"

@@ -8,6 +8,7 @@ from eqt_cli.base.extensions import Extension, imported
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
+    extension.need("network")
     extension.add_function(purposes.conclusion_of_a_result, "judging.conclude")
     extension.add_function(purposes.remarks_on_an_experiment, "judging.remarks")
 

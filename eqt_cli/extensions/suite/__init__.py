@@ -6,5 +6,6 @@ from eqt_cli.base.extensions import COMPUTE, Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
+    extension.need("search")
     extension.add_command("suite", "commands.app", COMPUTE, "mylaw.py", "tune")
     extension.add_function(purposes.citations, "citing.citations", beside="law.zip")
