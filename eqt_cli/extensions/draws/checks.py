@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -30,7 +30,8 @@ from eqt_cli.components.vehicle_parts import (
     redraws,
 )
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.remarks import body_of, force_remarks
+from eqt_cli.config.remarks import body_of, force_remarks, limits_below_reference
+from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.draws.formulas import unused
 from eqt_cli.numbers.leaves import with_fields
 
@@ -181,12 +182,12 @@ def _check_masses(drawing: _Drawing, problems: Problems) -> None:
 
 @purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Any) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what is remarked on inertia and forces in some run, and names that nothing reads."""
+    """Yield what is remarked on the values of some run alone, and names that nothing reads."""
     yield from unused(experiment)
-    of_means, runs = dict(_of_values(experiment, experiment.loop.vehicle)), vehicles(experiment)
+    of_means = dict(_of_run(experiment, experiment.loop.vehicle, shown))
     seen = dict[KeyPath, list[Any]]()
-    for run, vehicle in runs:
-        for key, text in _of_values(experiment, vehicle):
+    for run, vehicle in vehicles(experiment):
+        for key, text in _of_run(experiment, vehicle, shown):
             if key not in of_means:
                 seen.setdefault(key, [run, text, 0])[2] += 1
     for key, (run, text, count) in seen.items():
@@ -194,11 +195,25 @@ def remarks(experiment: Experiment, shown: Any) -> Iterator[tuple[KeyPath, str]]
         yield key, f"{many}, such as run {run}: {text}"
 
 
+def _of_run(
+    experiment: Experiment, vehicle: Vehicle, shown: Horizon | None
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield remarks on values of a run: with the reference, also on limits below it."""
+    yield from _of_values(experiment, vehicle)
+    if shown is not None and vehicle.limits:
+        loops = {"": replace(experiment.loop, vehicle=vehicle)}
+        yield from limits_below_reference(replace(experiment, loops=loops), shown)
+
+
 def vehicles(experiment: Experiment) -> Iterator[tuple[int, Vehicle]]:
-    """Yield each run with its vehicle, if runs draw an inertia or a force."""
+    """Yield each run with its vehicle, if runs draw an inertia, a force or an actuator."""
     loop, ensemble = experiment.loop, experiment.config.ensemble
     configured = loop.vehicle.configured or loop.vehicle
-    if any(part.varies for part in (configured.inertia, *configured.forces) if part):
+    if any(
+        part.varies
+        for part in (configured.inertia, *configured.forces, *configured.actuators)
+        if part
+    ):
         for run in range(ensemble.runs):
             random_of = partial(generator_at, ensemble.seed, Stream.VEHICLE, run)
             yield run, loop.vehicle.of_run(loop.group, random_of)

@@ -207,3 +207,19 @@ def test_values_are_remarked_on_at_every_draw_and_at_both_ends(tmp_path, told):
     remark_elsewhere(base, [("at the upper end", heavy)])
     [remark] = told.remarks
     assert mentions(remark, "at the upper end: belongs to 1.5 kg…1.8 kg")
+
+
+def test_a_limit_that_some_run_draws_below_the_reference_is_remarked_on(tmp_path):
+    path = tmp_path / "limit.yaml"
+    data = FREE | {
+        "group": "SO3",
+        "inertia": [0.01, 0.011, 0.02],
+        "reference": {"torque": ["0.1*sin(2*t)", 0, 0]},  # 0.1 N m at 0.785 s
+        "actuators": [{"kind": "limit", "limit": {"uniform": [0.08, 0.4]}}],
+        "ensemble": {"runs": 60},
+    }
+    path.write_text(yaml.safe_dump(data))
+    base = eqt_cli.load_experiment(path).base
+    low = np.flatnonzero(values_of(base, drawn_numbers(base))[0] < 0.1)
+    [remark] = remarks(base, base.reference_over_horizon())
+    assert mentions(str(remark), f"actuators[0]: in {len(low)} of 60 runs, such as run {low[0]}: …")
