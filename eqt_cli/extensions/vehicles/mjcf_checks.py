@@ -217,6 +217,8 @@ def mjcf_path(path: str) -> str:
     if "default" in parts[:-2]:
         last = len(parts) - parts[::-1].index("default")
         parts = parts[last:]
+        if len(parts) == 1:  # of a class within a class
+            return f"default/{parts[0]}"
         if section := SECTIONS.get(parts[0]):
             return "/".join([section, *parts])
         if kind_of("MJCF", f"actuator/{'/'.join(parts)}"):

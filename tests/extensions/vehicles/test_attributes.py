@@ -100,6 +100,23 @@ def test_every_attribute_of_a_schema_is_in_the_table(form):
     assert sorted(path for path in paths if kind_of(form, path) is None) == []
 
 
+@pytest.mark.parametrize(
+    ("path", "of"),
+    [
+        ("mujoco/default/default/class", "default/class"),
+        ("mujoco/default/default/general/dyntype", "general/dyntype"),
+        ("mujoco/default/joint/damping", "joint/damping"),
+        ("mujoco/worldbody/body/body/joint/damping", "joint/damping"),
+        ("mujoco/worldbody/body/frame/geom/mass", "geom/mass"),
+        ("mujoco/tendon/fixed/joint/coef", "tendon/fixed/joint/coef"),
+        ("mujoco/actuator/position/kp", "actuator/position/kp"),
+    ],
+)
+def test_an_attribute_is_looked_up_where_it_stands(path, of):
+    assert mjcf_path(path) == of
+    assert kind_of("MJCF", of)
+
+
 @pytest.mark.parametrize("form", PATHS)
 def test_every_row_of_the_table_is_of_a_schema(form):
     """A row that fits nothing is a slip; `BESIDE` are names that no schema lists."""
