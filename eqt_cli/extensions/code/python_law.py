@@ -30,14 +30,8 @@ CAST = getattr(ctypes, "_cast_addr", None)
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
-OURS: list[str] = []
-"""Events of this program itself, while it starts or ends the process of a run."""
-
-
 def refuse(event: str, about: tuple[Any, ...]) -> None:
     """Raise a `PermissionError` for what a law may not do; an audit hook, which nothing removes."""
-    if event in OURS:
-        return
     opens = event == "open" and (set(str(about[1])) & set("wax+") or about[2] & WRITES)
     changes = event.startswith(CHANGES) and event not in HARMLESS
     casts = event == "ctypes.call_function" and about[0] == CAST
@@ -133,93 +127,6 @@ class Library:
             answers.write(b"\n")
 
 
-class RunProcess:
-    """The process of one run, which answers a line of JSON by another one.
-
-    It is a fork of this one, which has made no object yet, and so shares nothing that a call of
-    another run changes: neither names of imported modules nor variables of compiled ones.
-
-    Parameters
-    ----------
-    serve
-        Called in the process with a function that answers; a program may take its place there.
-    others
-        The processes of other runs, whose ends it does not hold open.
-    """
-
-    def __init__(
-        self, serve: Callable[[Any, Any], None], others: Iterable[RunProcess], patience: float
-    ) -> None:
-        asked, answered = os.pipe(), os.pipe()
-        OURS.append("os.fork")
-        self.number, self.patience, self.calls = os.fork(), patience, 0
-        OURS.remove("os.fork")
-        if self.number == 0:
-            for other in others:
-                other.close()
-            os.close(asked[1])
-            os.close(answered[0])
-            with os.fdopen(asked[0], "rb") as lines, os.fdopen(answered[1], "wb", 0) as answers:
-                serve(lines, answers)
-            os._exit(0)
-        os.close(asked[0])
-        os.close(answered[1])
-        self.ends, self.latest, self.answer = (asked[1], answered[0]), None, list[float]()
-        self.waiting = select.poll()
-        self.waiting.register(answered[0], select.POLLIN)
-
-    def ask(self, what: Any) -> Any:
-        """Return its answer; raises a `RunEnded` that says how it ended instead."""
-        words, said = "", b""
-        try:
-            line = json.dumps(what).encode() + b"\n"
-            while line:
-                line = line[os.write(self.ends[0], line) :]
-            while not said.endswith(b"\n") and not words:
-                if not self.waiting.poll(1000 * self.patience):
-                    words = f"gave no answer within {self.patience:g} s"
-                elif more := os.read(self.ends[1], 2**16):
-                    said += more
-                else:
-                    raise BrokenPipeError
-        except BrokenPipeError:
-            raise RunEnded(ending(os.waitstatus_to_exitcode(self.end()))) from None
-        if words:
-            self.end()
-            raise RunEnded(words)
-        return json.loads(said)
-
-    def close(self) -> None:
-        """Close this side of its pipes."""
-        for end in self.ends:
-            os.close(end)
-
-    def end(self) -> int:
-        """End it; return the status with which it ended."""
-        self.close()
-        OURS.append("os.kill")
-        status = os.waitpid(self.number, os.WNOHANG)
-        if not status[0]:
-            time.sleep(0.01)  # it may be about to end by itself
-            status = os.waitpid(self.number, os.WNOHANG)
-        if not status[0]:
-            os.kill(self.number, signal.SIGKILL)
-            status = os.waitpid(self.number, 0)
-        OURS.remove("os.kill")
-        return status[1]
-
-
-class RunEnded(Exception):
-    """The process of a run ended in a call; its argument says how."""
-
-
-def ending(code: int) -> str:
-    """Return in words how a process ended."""
-    if code == -signal.SIGPROF:
-        return "did not return in time"
-    return f"crashed ({signal.Signals(-code).name})" if code < 0 else f"ended with code {code}"
-
-
 class Law:
     """A text that was executed, and the object that it makes.
 
@@ -234,14 +141,13 @@ class Law:
     seconds
         CPU time of each call since the last answer, s.
     objects
-        With one for each run: by their numbers, their processes, each with its calls, its last row
-        and its answer.
+        With one for each run: by their numbers, the object, its calls, its last row and answer.
     """
 
     def __init__(self, request: dict[str, Any], board: Board) -> None:
         self.request, self.numbers, self.seconds = request, [nan], list[float]()
         self.board = board
-        self.objects, self.started = dict[int, RunProcess](), request["lives"] * ONE_LIFE
+        self.objects, self.started = dict[int, list[Any]](), request["lives"] * ONE_LIFE
         self.error: Exception | None = None
         self.reason = ""
         # Python's own way to start processes, of which no hook is told.
@@ -251,12 +157,11 @@ class Law:
         self.text = compile(request["text"], request["file"], "exec")
         board.begin(-1)
         self.execute()
-        self.memory: dict[str, Any] = {}
+        self.make(request["values"])
+        self.memory = {name: np.shape(value) for name, value in self.first.items()}
+        self.try_out(request["trial"], {"starts": False, "period": request["period"], "keeps": 1})
         if request["per_run"]:
-            self.of_run(request["values"]).ask_once(request["trial"])
             self.memory = {OBJECT: (2,)}
-        else:
-            self.begin(request["trial"])
 
     def serve(self, requests: Any, answers: Any) -> None:
         """Answer to the rows of each request by a line, until no more come."""
