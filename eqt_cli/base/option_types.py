@@ -224,7 +224,7 @@ def number_of(value: Any) -> Any:
         number = constant(text)
     except ExpressionError as error:
         if _WITH_A_UNIT.fullmatch(value.strip()):
-            raise ValueError(f"expected {expected}, got '{value}'") from error
+            raise ValueError(f"expected {expected}, got '{value}'{_of_gauss(value)}") from error
         raise ValueError(f"expected a number, got '{value}': {error}") from error
     if not unit:
         return number
@@ -243,11 +243,23 @@ def number_of(value: Any) -> Any:
     raise ValueError(f"expected {plain}, got '{value}'{converted}")
 
 
+def _of_gauss(value: str) -> str:
+    """Return both readings of G, with what to write for either; "" for other units."""
+    if not (match := re.search(r"(?<![A-Za-z])([muµ]?)G(?![A-Za-z])", value)):
+        return ""
+    sizes = {"": "100 uT", "m": "0.1 uT"}
+    return (
+        f"; {match[0]} is gauss or g: write {sizes.get(match[1], '0.1 nT')} for each {match[0]} of "
+        f"a field, {match[1]}g for an acceleration"
+    )
+
+
 NO_UNIT = "a number that has no unit"
 """What is expected where an option declares no unit."""
 
 _WITH_A_UNIT = re.compile(
-    r"(?!0[xXbBoO])[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?(?: +|(?![eE]))(?!pi\b)[A-Za-zµμ%][\w/*^² ]*"
+    r"(?!0[xXbBoO])[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?(?: +|(?![eE]))(?!pi\b)"
+    r"[A-Za-zµμ%](?:[\w/*^²√ ]|sqrt\(\w+\))*"
 )
 """A number with a word that may be meant as a unit; not ``2pi``, ``0x10`` or ``1e``."""
 

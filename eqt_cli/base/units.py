@@ -40,12 +40,16 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "deg": (_PI / 180, _ANGLE),
     "arcmin": (_PI / 10_800, _ANGLE),
     "arcsec": (_PI / 648_000, _ANGLE),
-    "Hz": (1.0, (0, 0, -1, 0, 0)),
+    **dict.fromkeys(("Hz", "hz"), (1.0, (0, 0, -1, 0, 0))),
+    "rtHz": (1.0, (0, 0, -0.5, 0, 0)),
+    "dps": (_PI / 180, (0, 0, -1, 1, 0)),
+    "mdps": (_PI / 180_000, (0, 0, -1, 1, 0)),
     "rpm": (_PI / 30, (0, 0, -1, 1, 0)),
     "A": (1.0, (0, 0, 0, 0, 1)),
     # Of data sheets of accelerometers, by standard gravity; nothing here weighs a milligram.
     "ug": (9.80665e-6, _ACCELERATION),
     "mg": (9.80665e-3, _ACCELERATION),
+    "g_0": (9.80665, _ACCELERATION),  # what g is where an acceleration is expected
     **{f"{prefix}T": (size, _FIELD) for prefix, size in (("", 1.0), ("u", 1e-6), ("n", 1e-9))},
     **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
@@ -132,6 +136,8 @@ _UNIT_SIGNS = {sign: other for sign, other in _ALIKE.items() if sign != ord("*")
 def factor(unit: str, to: str) -> float | None:
     """Return the factor from a unit to another one of its dimension; None for any other."""
     one, other = size_of(unit), size_of(to)
+    if one and other and one[1] != other[1] and other[1][:2] == _ACCELERATION[:2]:
+        one = size_of(re.sub(r"(?<![A-Za-z])g(?![A-Za-z_])", "g_0", unit))
     return one[0] / other[0] if one and other and _same(one[1], other[1]) else None
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
+from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -271,7 +273,16 @@ def _moments(text: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")] if text else []
     except ValueError:
-        raise EqtError(f"--inertia: expected numbers such as 0.1,0.2,0.25, got '{text}'") from None
+        with suppress(ValueError, TypeError):
+            (a, b, c), (_, d, e), (_, _, f) = loads(text)
+            six = ",".join(f"{number:g}" for number in (a, b, c, d, e, f))
+            raise EqtError(
+                f"--inertia: expected ixx,ixy,ixz,iyy,iyz,izz, got '{text}'; write {six}"
+            ) from None
+        raise EqtError(
+            "--inertia: expected numbers such as 0.1,0.2,0.25, or with products "
+            f"ixx,ixy,ixz,iyy,iyz,izz, got '{text}'"
+        ) from None
 
 
 @app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))

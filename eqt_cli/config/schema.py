@@ -381,6 +381,20 @@ AnyTask = Annotated[
 KP, KD = Scale("k_p", STIFFNESS, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)
 
 
+def _one_stiffness(value: Any) -> Any:
+    """Refuse a k_R for each axis, and say which `kp` gives these stiffnesses."""
+    if not isinstance(value, list):
+        return value
+    instead = "[κ_1, κ_2, κ_3]"
+    if len(value) == 3 and all(isinstance(k, int | float) for k in value):
+        a, b, c = value
+        instead = str([round(k / 2, 12) for k in (b + c - a, c + a - b, a + b - c)])
+    raise ValueError(
+        f"expected a number, got {value}; where they differ, κ_1 = (k_R2 + k_R3 − k_R1)/2 and so "
+        f"on: write kp: {instead}"
+    )
+
+
 class GainsSection(Section):
     """Gains of the control laws, or of one law, where it has others than the section `gains` says.
 
@@ -400,7 +414,9 @@ class GainsSection(Section):
 
     kp: Annotated[Weight | None, KP] = None
     kd: Annotated[Matrix | None, KD] = None
-    k_R: Annotated[Positive | None, Scale("k_R", STIFFNESS, is_symbol=True)] = None
+    k_R: Annotated[
+        Positive | None, Scale("k_R", STIFFNESS, is_symbol=True), BeforeValidator(_one_stiffness)
+    ] = None
     k_Omega: Annotated[Positive | None, Scale("k_\\Omega", DAMPING, is_symbol=True)] = None
 
 
@@ -569,7 +585,7 @@ class UrdfInertiaSection(Section):
 def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
         if "urdf" in value:
-            return "urdf"
+            return "of urdf"
         if {"rigid", "added"} & set(value):
             return "added"
         if "matrix" in value:
@@ -582,7 +598,7 @@ _WithKeys = (
     Annotated[AddedInertiaSection, Tag("added")]
     | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
-    | Annotated[UrdfInertiaSection, Tag("urdf")]
+    | Annotated[UrdfInertiaSection, Tag("of urdf")]
 )
 _INERTIAS = (
     "a number, a list (the diagonal), a list of rows, or a mapping with `urdf`, with `rigid` and "

@@ -144,7 +144,7 @@ def require_symmetric(matrix: Array) -> None:
         )
 
 
-def require_definite(matrix: Array, also: str = "", semi: str = "") -> None:
+def require_definite(matrix: Array, also: str = "", semi: str = "", hint: str = "") -> None:
     """Raise an `InputError` if a matrix is not positive definite, or not ``semi``definite.
 
     Its symmetric part counts.
@@ -152,7 +152,7 @@ def require_definite(matrix: Array, also: str = "", semi: str = "") -> None:
     eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
     if not (eigenvalues.min() >= -_rounding(eigenvalues) if semi else _positive(eigenvalues)):
         got = f"got eigenvalues {_listed(eigenvalues)}"
-        raise InputError(f"expected a positive {semi}definite matrix{also}, {got}")
+        raise InputError(f"expected a positive {semi}definite matrix{also}, {got}{hint}")
 
 
 def _eigenvalues(matrix: Array) -> Array:
@@ -231,7 +231,7 @@ def inertia_from(
         with problems.catching("added"):
             added = square(section.added, G.dimension, G)
             require_symmetric(added)
-            require_definite(added, semi="semi")
+            require_definite(added, semi="semi", hint=_of_fossen(added))
             if rigid is not None:
                 return Inertia(rigid + added, inverse(rigid + added), added=added)
         return None
@@ -244,6 +244,32 @@ def inertia_from(
             if section.leaves is None:
                 _require_constant_mass(law, G, np.linspace(0.0, horizon, INSTANTS))
     return law
+
+
+def _of_fossen(added: Array) -> str:
+    """Return the cure for an added mass with the sign of Fossen's derivatives; "" for others."""
+    if not np.linalg.eigvalsh(-added)[0] >= 0:
+        return ""
+    return (
+        "; Fossen's derivatives, as X_u̇ = −5.5 kg, are the negative of the added mass: write them "
+        "without their sign"
+    )
+
+
+def _too_large_product(matrix: Array) -> str:
+    """Name a product of inertia that no body with these moments has; "" if there is none."""
+    moments = np.diag(matrix)
+    most = np.sqrt(np.maximum(np.outer(moments, moments), 0.0)) + np.diag(
+        np.full(len(moments), np.inf)
+    )
+    share = np.abs(matrix) / np.where(most > 0, most, np.inf)
+    i, j = sorted(np.unravel_index(share.argmax(), share.shape))
+    if not (moments.min() > 0 and share[i, j] >= 1):
+        return ""
+    return (
+        f"; the product [{i}][{j}] = {matrix[i, j]:g} is too large for its moments: it must be "
+        f"less than √({moments[i]:g} · {moments[j]:g}) = {most[i, j]:.3g}"
+    )
 
 
 BODY = [(slice(0, 3), True), (slice(3, 6), False)]
@@ -294,6 +320,7 @@ def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array |
             require_symmetric(matrix)
             if not hint and np.linalg.eigvalsh(with_other_products(G, matrix))[0] > 0:
                 hint = OTHER_SIGN
+            hint = hint or _too_large_product(matrix)
             require_definite(matrix)
         except InputError as error:
             raise InputError(f"{error}{hint}") from None
@@ -506,7 +533,10 @@ def check_sensors(
     for index, sensor in enumerate(sensors):
         here = problems.at(index)
         if isinstance(sensor, Lever) and signal != "accelerometer":
-            here.add("lever is of an accelerometer; move it to sensors.accelerometer")
+            instead = "move it to sensors.accelerometer"
+            if signal == "pose":
+                instead = "poses are measured at the origin of the body: move an antenna's there"
+            here.add(f"lever is of an accelerometer; {instead}")
         elif signal not in ("velocity", "accelerometer") and isinstance(sensor, DynamicSensor):
             here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
         if sensor.of is not None and sensor.of not in names:

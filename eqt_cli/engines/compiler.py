@@ -454,8 +454,17 @@ def _installed(folders: str) -> list[tuple[str, ...]]:
     return [*zig, *compilers] if WINDOWS else [*compilers, *zig]
 
 
+_OWN_FILES = Path("/proc/self")
+"""Where Linux names the files of a process that have no name."""
+
+
 def missing() -> str | None:
-    """Return how to get a compiler; None if there is one."""
+    """Return how to get a compiler, or what else is missing; None if nothing is."""
+    if sys.platform == "linux" and not _OWN_FILES.exists():
+        return (
+            f"engine native loads compiled laws from {_OWN_FILES}, which is missing: mount /proc, "
+            "or use engine solve_ivp"
+        )
     if os.environ.get("CC", "").strip() or commands():
         return None
     return (
@@ -671,7 +680,7 @@ def as_file(binary: bytes) -> Iterator[Path]:
         with os.fdopen(os.memfd_create("eqt"), "wb") as memory:
             memory.write(binary)
             memory.flush()
-            path.symlink_to(f"/proc/{os.getpid()}/fd/{memory.fileno()}")
+            path.symlink_to(_OWN_FILES.parent / f"{os.getpid()}" / "fd" / f"{memory.fileno()}")
             yield path
 
 

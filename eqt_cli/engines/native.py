@@ -332,7 +332,7 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
     called = "".join(f", called by {name} at {where}" for name, where in callers)
     return (
         f"{owner} cannot be compiled: {type(error).__name__}: {error}{where}{called}; write it "
-        "with operators, @ and the functions of eqt_cli.base.arrays, or use `engine: solve_ivp`"
+        "with operators, @ and the functions of eqt_cli.extend, or use `engine: solve_ivp`"
     )
 
 

@@ -6,8 +6,8 @@ import re
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ import matplotlib
 import numpy as np
 from matplotlib import RcParams, style
 from matplotlib.colors import to_hex, to_rgba
-from matplotlib.font_manager import FontProperties, fontManager, get_font
+from matplotlib.font_manager import FontProperties, findSystemFonts, fontManager, get_font
 from matplotlib.style import use
 
 from eqt_cli.base.errors import EqtError, suggestion
@@ -384,6 +384,19 @@ def _installed(settings: Settings) -> list[str]:
     return installed
 
 
+def _installed() -> dict[str, str]:
+    """Return the files of the fonts that Matplotlib knows, by name."""
+    return {x.name: x.fname for x in fontManager.ttflist if not x.name.startswith("Last Resort")}
+
+
+def _with_letter(letter: str, fonts: Mapping[str, str]) -> str:
+    """Return the first font with a letter, those of the style in force first; "" if none."""
+    for name in (*_PRESENT["font.family"], *sorted(fonts)):
+        if name in fonts and get_font(fonts[name]).get_char_index(ord(letter)):
+            return str(name)
+    return ""
+
+
 def give_letters(texts: Iterable[str]) -> None:
     """Add fonts to those of the style in force for the letters of texts that these lack.
 
@@ -392,13 +405,17 @@ def give_letters(texts: Iterable[str]) -> None:
     EqtError
         If no installed font has a letter.
     """
-    fonts = {x.name: x.fname for x in fontManager.ttflist if not x.name.startswith("Last Resort")}
+    fonts = _installed()
     letters = {x: text for text in texts for x in text if ord(x) > 127 and x.isprintable()}
     for letter, text in letters.items():
-        for name in (*_PRESENT["font.family"], *sorted(fonts)):
-            if name in fonts and get_font(fonts[name]).get_char_index(ord(letter)):
-                break
-        else:
+        name = _with_letter(letter, fonts)
+        if not name:  # Matplotlib's list may be older than the fonts
+            for path in {*findSystemFonts()} - {font.fname for font in fontManager.ttflist}:
+                with suppress(OSError, RuntimeError):  # no font after all
+                    fontManager.addfont(path)
+            fonts = _installed()
+            name = _with_letter(letter, fonts)
+        if not name:
             raise EqtError(
                 f"no installed font has the letter {letter} (U+{ord(letter):04X}) of “{text}”; "
                 "install one, or write it in other letters: --title NAME=TEXT"

@@ -333,3 +333,17 @@ def test_a_count_that_a_division_misses_by_rounding_is_whole(written, count):
 def test_a_count_that_is_not_whole_is_printed_as_it_is(written):
     with pytest.raises(ConfigError, match=f"control.delay.*got {written!r}; take a whole number"):
         load_experiment(BODY | {"control": {"period": 0.1, "delay": written}})
+
+
+@pytest.mark.parametrize(("changes", "place", "words"), [
+    ({"inertia": [[0.15, -0.2, 0], [-0.2, 0.12, 0], [0, 0, 0.05]]}, "inertia", "= 0.134"),
+    ({"inertia": {"rigid": [1, 1, 1], "added": [-0.1, -0.2, -0.3]}}, "inertia.added", "Fossen"),
+    ({"gains": {"k_R": [0.3, 0.3, 0.2], "k_Omega": 0.1}}, "gains.k_R", "kp: [0.1, 0.1, 0.2]"),
+    ({"inertia": {"urdf": [1, 0, 0, 1, 0, 1], "mass": {}}}, "inertia.mass", "a number"),
+])  # fmt: skip
+def test_the_cure_stands_in_the_message(changes, place, words):
+    """√(0.15 · 0.12) = 0.134; with κ = (0.1, 0.1, 0.2), sums of two are 0.3, 0.3 and 0.2."""
+    with pytest.raises(ConfigError) as refused:
+        load_experiment(BODY | {"group": "SO3"} | changes)
+    [problem] = [one for one in refused.value.problems if one.path == place]
+    assert words in problem.message

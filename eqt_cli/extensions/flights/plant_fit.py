@@ -29,6 +29,9 @@ STEP = 1e-4
 RESOLVED = 10.0
 """Multiple of an engine's error above which a derivative counts as different from 0."""
 
+SMALLEST_RTOL = 1e-12
+"""Smallest tolerance that a message proposes; engines take some smaller ones."""
+
 ROUNDS = 3
 """Largest number of rounds; after each, the first states of all windows are updated."""
 
@@ -279,6 +282,14 @@ class _FitProblem:
                 "leave it out, give a recording in which it acts, or start at a value of its "
                 "magnitude"
             )
+            place = self.keys.index(key)
+            short = lengths[place] / (RESOLVED * np.sqrt(len(derivatives)) * error[place])
+            rtol = self.base.engine.rtol * short / 2
+            if rtol > SMALLEST_RTOL:
+                raise EqtError(
+                    f"{key}: its influence on the prediction of {name} is below the error of the "
+                    f"solver, not of the recording; add --set solver.rtol={float(f'{rtol:.1g}'):g}"
+                )
             if prediction.is_before_speeds(parse_key(key), self.base, self.windows.recording):
                 why = (
                     "its rotor speeds were measured behind this actuator; record the commanded "

@@ -111,6 +111,8 @@ def main() -> None:
             said["answer"] = xacro_here(request) if kind == "xacro" else mjcf_here(request)
     except EqtError as error:
         said["error"] = str(error)
+    except ImportError as error:
+        said["error"] = f"{shown(request.path)}: {_TITLES[kind]} cannot be imported: {error}"
     except MemoryError:
         os._exit(_LACKS_MEMORY)
     said |= {"left_out": sorted(request.names_left_out), "offered": sorted(request.names_offered)}
