@@ -645,3 +645,9 @@ def test_a_compiler_that_says_nothing_had_no_room(monkeypatch):
     for free, expected in ((2**10, errno.ENOSPC), (2**30, None)):
         monkeypatch.setattr("shutil.disk_usage", lambda path, free=free: usage._replace(free=free))
         assert compiler.no_space(b"", compiler.Limits(1.0)) == expected
+
+
+def test_without_proc_native_says_so_and_eqt_takes_the_other_engine(monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr(compiler, "_OWN_FILES", Path("/no/proc"))
+    assert says(compiler.missing(), "engine native…/no/proc…mount /proc, or use engine solve_ivp")
