@@ -273,6 +273,9 @@ class StoredResult(InNotebook, os.PathLike[str]):
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
 
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self.opened.has(name)
+
     def __getitem__(self, name: str) -> Any:
         return self.opened[name]
 

@@ -424,6 +424,9 @@ class ResultFile:
         """Whether the file holds a variable or coordinate of this name."""
         return name in self._entries
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a whole variable or coordinate; strings are an object array of `str`."""
         return self.read(name)

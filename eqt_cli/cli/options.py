@@ -53,7 +53,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import completion
-from eqt_cli.cli.output import be_quiet, say
+from eqt_cli.cli.output import be_quiet, documents_alone, say
 
 if TYPE_CHECKING:
     from eqt_cli.config.document import Document
@@ -259,7 +259,16 @@ Result = Annotated[
 Set = Annotated[list[str] | None, option("--set", autocompletion=completion.settings)]
 Out = Annotated[Path | None, option("--out", parser=folder)]
 Controllers = Annotated[list[str] | None, option("--controller", autocompletion=completion.laws)]
-Json = Annotated[bool, option("--json")]
+
+
+def _documents_alone(ctx: typer.Context, json: bool) -> bool:
+    """Apply ``--json``: what others print is no part of the document."""
+    if json:
+        ctx.with_resource(documents_alone())
+    return json
+
+
+Json = Annotated[bool, option("--json", callback=_documents_alone)]
 Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]
 Workers = Annotated[int | None, option("--workers", min=1)]

@@ -12,7 +12,7 @@ import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any, TextIO
 
 from eqt_cli.base.errors import EqtError, EqtWarning, HarmWarning, InputProblem, printable
@@ -45,6 +45,7 @@ PIPED = 100
 """Width of a line of text if the output is not a terminal."""
 
 _silent = False
+_documents: TextIO | None = None
 """Whether the command prints errors only."""
 
 
@@ -129,9 +130,21 @@ def as_remark() -> Iterator[None]:
         say(f"standard output: cannot be written: {reason}; the result is complete")
 
 
+@contextmanager
+def documents_alone() -> Iterator[None]:
+    """Keep stdout for documents: what plugins print meanwhile is on stderr."""
+    global _documents
+    _documents = sys.stdout
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _documents = None
+
+
 def print_json(document: Any) -> None:
     """Print a JSON document on stdout; numbers that JSON cannot hold become null."""
-    print(json_text(document, indent=2))
+    print(json_text(document, indent=2), file=_documents or sys.stdout)
 
 
 def json_text(document: Any, indent: int | None = None) -> str:
@@ -139,7 +152,7 @@ def json_text(document: Any, indent: int | None = None) -> str:
 
     Characters that stdout cannot encode are escaped.
     """
-    encoding = (sys.stdout.encoding or "utf-8").lower().replace("_", "-")
+    encoding = ((_documents or sys.stdout).encoding or "utf-8").lower().replace("_", "-")
     text = json.dumps(_plain(document), indent=indent, ensure_ascii=encoding[:3] != "utf")
     return printable(text, _LINES, lambda character: json.dumps(character)[1:-1])
 

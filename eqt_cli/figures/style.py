@@ -384,7 +384,7 @@ def _installed(settings: Settings) -> list[str]:
     return installed
 
 
-def _installed() -> dict[str, str]:
+def _listed_fonts() -> dict[str, str]:
     """Return the files of the fonts that Matplotlib knows, by name."""
     return {x.name: x.fname for x in fontManager.ttflist if not x.name.startswith("Last Resort")}
 
@@ -405,7 +405,7 @@ def give_letters(texts: Iterable[str]) -> None:
     EqtError
         If no installed font has a letter.
     """
-    fonts = _installed()
+    fonts = _listed_fonts()
     letters = {x: text for text in texts for x in text if ord(x) > 127 and x.isprintable()}
     for letter, text in letters.items():
         name = _with_letter(letter, fonts)
@@ -413,7 +413,7 @@ def give_letters(texts: Iterable[str]) -> None:
             for path in {*findSystemFonts()} - {font.fname for font in fontManager.ttflist}:
                 with suppress(OSError, RuntimeError):  # no font after all
                     fontManager.addfont(path)
-            fonts = _installed()
+            fonts = _listed_fonts()
             name = _with_letter(letter, fonts)
         if not name:
             raise EqtError(

@@ -64,6 +64,7 @@ def report(
     unit: options.Units = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run.
 

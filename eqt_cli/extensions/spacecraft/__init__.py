@@ -12,3 +12,4 @@ def register(extension: Extension) -> None:
     extension.add_component("controllers", "b_dot", "magnetic")
     extension.add_component("forces", "gravity_gradient", "gravity")
     extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")
+    extension.add_function(purposes.remarks_on_an_experiment, "running_down.remarks")

@@ -7,5 +7,6 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "cascade", "cascade")
     extension.add_component("references", "flat", "flat")
+    extension.add_function("remarks on an experiment", "remarks.remarks")
     for name in ("rates of the commanded attitude", "F is not 0"):
         extension.add_component("certificates", name, "certificates")
