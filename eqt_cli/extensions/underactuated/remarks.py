@@ -23,13 +23,14 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
     At rest in an unknown acceleration a it is a/k_x, and by `rates: model` 1 + (D k_v + k_x)/H
     times that, with the stiffness H and the damping D of the attitude per inertia.
     """
-    known = experiment.config.known_forces
+    model = experiment.config.known_forces
     cascades = {k: x for k, x in experiment.loops.items() if isinstance(x.controller, Cascade)}
-    if known == "plant" or not cascades:
+    if model == "plant" or not cascades:
         return
     shown = shown or experiment.reference_over_horizon()
-    pushes = np.array(next(iter(cascades.values())).controller.direction, dtype=float)
-    unknown = _unknown(experiment, known or (), shown, pushes)
+    first: Any = next(iter(cascades.values())).controller
+    pushes: Array = np.array(first.direction)
+    unknown = _unknown(experiment, model or (), shown, pushes)
     for label, loop in cascades.items():
         law: Any = loop.controller
         gains = law.position
@@ -50,17 +51,17 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
             )
 
 
-def _unknown(experiment: Experiment, known: Any, shown: Horizon, pushes: Array) -> float:
+def _unknown(experiment: Experiment, model: Any, shown: Horizon, pushes: Array) -> float:
     """Return the mean acceleration along the reference by forces that no law knows, m/s².
 
     Only what acts across the push tilts the body.
     """
     G, loop = experiment.group, next(iter(experiment.loops.values()))
     times, poses, velocities = along_reference(experiment, shown)
-    part = rigid(G).translation
-    sums = []
-    for forces in (loop.vehicle.forces, [force.of_run(G, None) for force in known]):
-        total: Array = np.zeros_like(velocities)
+    part: Any = rigid(G).translation
+    sums: list[Array] = []
+    for forces in (loop.vehicle.forces, [force.of_run(G, None) for force in model]):
+        total: Any = np.zeros_like(velocities)
         for t, Q, V, here in zip(times, poses, velocities, total, strict=True):
             for force in forces:
                 here += np.reshape(force.in_body(G, float(t), Q[None], V[None]), -1)
