@@ -739,6 +739,23 @@ def exported_laws() -> Iterator[str]:
 
 
 @part
+def purposes() -> Iterator[str]:
+    """Purposes of extensions: the function, and what it is for."""
+    from eqt_cli.base import purposes as stated
+    from eqt_cli.base.extensions import Every, Purpose
+
+    rows = []
+    for name, purpose in vars(stated).items():
+        if isinstance(purpose, Purpose):
+            signature = inspect.signature(purpose.signature)
+            arguments = ", ".join(x for x in signature.parameters)
+            returns, _, used = str(purpose.signature.__doc__).partition("; ")
+            many = "any number" if isinstance(purpose, Every) else "one"
+            rows.append([f"`{name}({arguments})`", returns.rstrip("."), used.rstrip("."), many])
+    yield from table(["purpose", "the function", "used by", "extensions"], rows)
+
+
+@part
 def extend() -> Iterator[str]:
     """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
     import eqt_cli.extend
