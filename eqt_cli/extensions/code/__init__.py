@@ -9,7 +9,7 @@ def register(extension: Extension) -> None:
     extension.add_component("controllers", "code", "controllers")
     extension.add_component("metrics", "law_failures", "controllers")
     of_times = "results/paper --controller eqt"
-    extension.add_command("time", "commands.time", READ, of_times, after="diff")
+    extension.add_command("time", "commands.time", READ, of_times, after="results")
     extension.add_function(purposes.verify_code, "controllers.with_code")
     extension.add_function(purposes.answers_on_code, "code_rows.answers")
     extension.add_function(purposes.adapter_of_code, "controllers.adapter_of")
