@@ -67,7 +67,7 @@ def proposed_smoothing(G: core.MatrixLieGroup, times: core.Array, poses: core.Ar
 def remarks_on_waypoints(
     reference: core.WaypointsReference, G: core.MatrixLieGroup
 ) -> Iterator[str]:
-    """Yield what is odd in the file of waypoints; `eqt config check`, `eqt run`."""
+    """Yield the oddities of the file of waypoints; `eqt config check`, `eqt run`."""
 
 
 @every
@@ -113,7 +113,7 @@ def meaning_of_an_experiment(experiment: core.Experiment, shown: Any) -> Iterabl
 
 @every
 def check_of_a_configuration(document: core.Document) -> None:
-    """Raise a `ConfigError` with what is wrong in a section, or remark; `eqt config check`."""
+    """Raise a `ConfigError` with the errors of a section, or remark; `eqt config check`."""
 
 
 @one("config new --from a vehicle file")
@@ -223,7 +223,7 @@ def figure_of_loads(
 
 @one("--option certified")
 def figure_certified(swept: Any, angle: float) -> Iterable[str]:
-    """Yield what is proved for starts within an angle; `eqt plot --option certified=`."""
+    """Yield the proofs for starts within an angle; `eqt plot --option certified=`."""
 
 
 @one("show --run")
@@ -248,7 +248,7 @@ def show_diagram(config: Path, out: Path | None, point: int | None, trust_plugin
 
 @every
 def boxes_of_a_diagram(experiment: core.Experiment) -> Iterable[tuple[str, str, list[str]]]:
-    """Yield stage, title and lines of what is no block; `eqt show --diagram`."""
+    """Yield stage, title and lines of further boxes; `eqt show --diagram`."""
 
 
 @every
@@ -332,7 +332,7 @@ def proved_objective() -> Any:
 
 @one("worst --certified")
 def worst_certified(angle: float) -> Callable[[Path, str], str]:
-    """Return what says what is proved of a law for starts within an angle; `worst --certified`."""
+    """Return what states the proof of a law for starts within an angle; `worst --certified`."""
 
 
 # Commands -----------------------------------------------------------------------------------------
