@@ -50,7 +50,8 @@ from eqt_cli.config.study import study
 from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler
 from eqt_cli.extend import Array, transpose
-from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, NUMBERS, Program, c_function
+from eqt_cli.numbers.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
+from eqt_cli.numbers.program import NUMBERS, Program
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import executors
 from eqt_cli.runs.batches import batches

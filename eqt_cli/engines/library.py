@@ -15,17 +15,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.engines import compiler
 from eqt_cli.engines.engine import HURRIED
-from eqt_cli.numbers.program import (
-    FUNCTIONS_HEADER,
-    LANES_HEADER,
-    Constant,
-    Input,
-    Operation,
-    Output,
-    Program,
-    c_function,
-    fused,
-)
+from eqt_cli.numbers.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
+from eqt_cli.numbers.program import Constant, Input, Operation, Output, Program, fused
 
 # The C source of a closed loop: emitted programs, and templates that integrate and evaluate them --
 #

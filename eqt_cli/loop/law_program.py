@@ -23,8 +23,9 @@ from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.c_code import distinct
 from eqt_cli.numbers.leaves import leaves, with_leaves
-from eqt_cli.numbers.program import Input, Numbers, Program, distinct, traced
+from eqt_cli.numbers.program import Input, Numbers, Program, traced
 from eqt_cli.numbers.running import MOST_RUNNING, Memory, Running
 
 INPUT, NUMBER, MEMORY, OUTPUT = "input_", "number_", "memory_", "output_"

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER
+from eqt_cli.numbers.c_code import FUNCTIONS_HEADER, LANES_HEADER
 
 FLOAT_HEADER = Path(__file__).with_name("float_functions.h")
 """Header of the types and functions of programs in float."""

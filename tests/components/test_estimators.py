@@ -17,7 +17,8 @@ from eqt_cli.engines.engine import INDEFINITE, Status
 from eqt_cli.engines.native import programs
 from eqt_cli.extend import MatrixLieGroup, Noise, group_named
 from eqt_cli.loop.signals import compute
-from eqt_cli.numbers.program import c_function, traced
+from eqt_cli.numbers.c_code import c_function
+from eqt_cli.numbers.program import traced
 from eqt_cli.numbers.rounded import evaluated
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"

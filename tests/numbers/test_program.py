@@ -9,19 +9,9 @@ from case_tables import refusal
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, less, smooth_less, where
 from eqt_cli.extend import parse
+from eqt_cli.numbers.c_code import c_function, c_name, distinct
 from eqt_cli.numbers.jets import Jet, series
-from eqt_cli.numbers.program import (
-    _NUMPY,
-    ArrayProgram,
-    Chain,
-    Input,
-    Operation,
-    c_function,
-    c_name,
-    distinct,
-    fused,
-    traced,
-)
+from eqt_cli.numbers.program import _NUMPY, ArrayProgram, Chain, Input, Operation, fused, traced
 
 
 def evaluated(program, **inputs):

@@ -36,8 +36,9 @@ from eqt_cli.loop.law_program import (
     Entry,
     name_of_number,
 )
+from eqt_cli.numbers.c_code import c_function
 from eqt_cli.numbers.c_headers import PRELUDE, defined, headers, needed
-from eqt_cli.numbers.program import Program, c_function
+from eqt_cli.numbers.program import Program
 from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.description import description, loop_in_words
 

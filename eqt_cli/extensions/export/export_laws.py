@@ -48,8 +48,9 @@ from eqt_cli.loop.law_program import (
     law_program,
     sizes,
 )
+from eqt_cli.numbers.c_code import distinct
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
-from eqt_cli.numbers.program import Input, Program, distinct, traced
+from eqt_cli.numbers.program import Input, Program, traced
 from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.results.origin import label_named
 from eqt_cli.runs.batches import batches
