@@ -14,7 +14,7 @@ from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import functions_for
-from eqt_cli.base.reporting import Block, TextTable, listed, significant
+from eqt_cli.base.reporting import Block, TextTable, listed, percent, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
 from eqt_cli.results import summary
@@ -235,6 +235,16 @@ def _doubts(result: Result) -> Iterator[str]:
         yield (
             f"poses leave the group by {drift:.2g}, more than the bound of the "
             f"cross-check, {check.bound:.1g}; tighten solver.rtol"
+        )
+    error, name, law, samples = (
+        result.attributes.get(f"row_{key}") for key in ("error", "metric", "law", "samples")
+    )
+    if error is not None and samples is not None and str(law) in result.title_of:
+        metric = result.quantity(str(name)).plain
+        yield (
+            f"samples are too far apart: {metric} of {result.title_of[str(law)]} is wrong by "
+            f"{percent(float(error))}; with time.samples {float(samples):.0f} no metric is "
+            "by more than 1 %"
         )
     estimates, rtol = result.metric("error_estimate"), result.described.rtol
     if above := 0 if rtol is None else int(np.count_nonzero(estimates > FAR_ABOVE * rtol)):

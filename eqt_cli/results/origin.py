@@ -197,6 +197,10 @@ _EXPECTED: dict[str, tuple[str, Callable[..., Any]]] = {
     "cross_check_difference": _NUMBER,
     "cross_check_bound": _NUMBER,
     "cross_check_law": _TEXT,
+    "row_error": _NUMBER,
+    "row_metric": _TEXT,
+    "row_law": _TEXT,
+    "row_samples": _NUMBER,
 }
 """Expected kind of each attribute that a file may have, in words, and what validates it."""
 

@@ -39,6 +39,7 @@ from eqt_cli.runs.lock import LOCK, locked
 from eqt_cli.runs.part_files import MANIFEST
 from eqt_cli.runs.preflight import check_resources, rehearse
 from eqt_cli.runs.provenance import now, provenance
+from eqt_cli.runs.row_errors import row_errors
 
 
 @dataclass(frozen=True)
@@ -479,12 +480,14 @@ def pack(
 def _cross_checked(
     study: Study, checked: Sequence[tuple[States, Works]], seconds: dict[str, float]
 ) -> dict[str, Any]:
-    """Return the attributes of the cross-check of all pieces."""
+    """Return the attributes of the cross-check of all pieces, and of errors by their rows."""
     redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
     with timed(seconds, "cross-check"), step(CHECKING, redone):
         check = cross_check(study, *map(list, zip(*checked, strict=True)))
+        of_rows = row_errors(study)
     fields = {} if check is None else asdict(check)
-    return {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
+    of_check = {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
+    return of_check | of_rows
 
 
 def finished_parts(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
