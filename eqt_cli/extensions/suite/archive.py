@@ -134,6 +134,7 @@ def _record(law: JudgedLaw) -> dict[str, Any]:
             "values": judged.values,
             "spent": _plain(judged.spent),
             "trained": _plain(judged.trained),
+            "gained": _plain(judged.gained),
             "start": _plain(judged.start),
             "is_stated": judged.is_stated,
             "seconds": round(judged.seconds, 2),
@@ -216,28 +217,31 @@ def _judged(
     for task, record in records.items():
         values = tuple(map(_values, record["values"]))
         errors = _errors_in(_part(parts, _array_name(number, task)), len(values))
-        numbers = [[_number(x) for x in record[name]] for name in ("spent", "trained")]
-        spent, trained = map(np.array, numbers)
-        is_wrong = (trained < 0).any()
+        # Files of eqt-suite-1 do not say how their searches ended.
+        listed = record["spent"], record["trained"], record.get("gained", [])
+        spent, trained, gained = (np.array([_number(x) for x in column]) for column in listed)
         if (
-            is_wrong
-            or not 0 < errors.size <= _RUNS
+            not 0 < errors.size <= _RUNS
             or not len(spent) == len(trained) == len(errors)
+            or len(gained) not in (0, len(errors))
         ):
             raise ValueError(task)
-        _check_numbers(f"{_array_name(number, task)}: ", values, errors, spent)
+        _check_numbers(f"{_array_name(number, task)}: ", values, errors, spent, trained)
         about = _number(record["start"]), bool(record["is_stated"]), _number(record["seconds"])
-        yield _text(task), Judged(values, errors, spent, trained, *about, _text(record["why"]))
+        yield (
+            _text(task),
+            Judged(values, errors, spent, trained, *about, _text(record["why"]), gained),
+        )
 
 
 def _check_numbers(
-    place: str, values: Sequence[Mapping[str, Any] | None], errors: Array, spent: Array
+    place: str, values: Sequence[Mapping[str, Any] | None], errors: Array, *costs: Array
 ) -> None:
     """Refuse errors and costs that no judgement writes."""
     without = np.array([of is None for of in values])
-    if np.isinf(errors).any() or (errors < 0).any() or (spent < 0).any():
+    if np.isinf(errors).any() or (errors < 0).any() or any((x < 0).any() for x in costs):
         raise InputError(f"{place}expected errors and costs of at least 0")
-    if not np.isnan(errors[without]).all() or not np.isnan(spent[without]).all():
+    if not np.isnan(errors[without]).all() or not np.isnan(costs[0][without]).all():
         raise InputError(f"{place}has errors on a sample without gains")
     if (np.nan_to_num(errors, nan=1.0).max(axis=1) == 0).any():
         raise InputError(f"{place}all errors of a sample are 0")

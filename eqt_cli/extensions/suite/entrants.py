@@ -18,7 +18,7 @@ from eqt_cli.base.option_types import shown, validated
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.components.laws import controllers
 from eqt_cli.config.document import Document, entries_of, remember_executed, value_at, with_value
-from eqt_cli.config.schema import TunedAxis
+from eqt_cli.config.schema import LogRange, TunedAxis
 from eqt_cli.extensions.search.law_search import range_of
 from eqt_cli.extensions.suite.tasks import Task
 
@@ -67,6 +67,8 @@ class Law:
         Of C, the sizes of the fields of its numbers.
     only
         The tasks that it is for; empty for all that take it.
+    leaves
+        Gains of the tasks that are not tuned, since another number does the same.
     """
 
     label: str
@@ -77,23 +79,33 @@ class Law:
     text: str = ""
     fields: Mapping[str, int] = field(default_factory=dict)
     only: tuple[str, ...] = ()
+    leaves: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:
         """Hash of what it computes: of its source and options, not of its name or its file."""
         entry = {key: value for key, value in self.entry.items() if key not in ("file", "label")}
-        text = json.dumps([self.text, entry, self.tunes], sort_keys=True)
+        left = list(self.leaves) or None
+        text = json.dumps([self.text, entry, self.tunes, left], sort_keys=True)
         return sha256(text.encode()).hexdigest()
 
-    @property
-    def start(self) -> dict[str, float]:
-        """Its own numbers where a search starts: in the middle of their ranges."""
-        return {name: _middle(written) for name, written in self.tunes.items()}
+    def start(self, task: Task) -> dict[str, float]:
+        """Return its own numbers where a search starts: in the middle of their ranges."""
+        gains = task.document.data.get("gains", {})
+        start = {}
+        for name, written in self.tunes.items():
+            middle, axis = _middle(written), parsed(written)
+            if isinstance(axis, LogRange) and axis.times:
+                keys = [key for key in task.ranges if key.partition("[")[0] == axis.times]
+                unit = value_at(gains, parse_key(entries_of(keys[0])[0])) if keys else None
+                middle *= unit if isinstance(unit, int | float) else 1.0
+            start[name] = middle
+        return start
 
     def in_task(self, task: Task) -> Document:
         """Return the configuration of a task with this law, at the starting values."""
         document, place = task.document, task.place
-        entry: dict[str, Any] = dict(self.entry) | ({} if self.fields else self.start)
+        entry: dict[str, Any] = dict(self.entry) | ({} if self.fields else self.start(task))
         data = document.data
         if self.fields:
             entry["numbers"] = self._numbers(task)
@@ -112,7 +124,8 @@ class Law:
         of_gains = {
             name: written
             for name, written in task.ranges.items()
-            if "." in name or not self.fields or name.partition("[")[0] in self.fields
+            if ("." in name or not self.fields or name.partition("[")[0] in self.fields)
+            and name.partition("[")[0] not in self.leaves
         }
         return {self.key(name, task): written for name, written in (of_gains | self.tunes).items()}
 
@@ -136,7 +149,7 @@ class Law:
 
     def _numbers(self, task: Task) -> dict[str, Any]:
         """Return the numbers of code in C: its gains, the inertia of the model, and its own."""
-        numbers: dict[str, Any] = dict(self.start)
+        numbers: dict[str, Any] = dict(self.start(task))
         gains: dict[str, Any] = task.document.data.get("gains", {})
         for name in ("kp", "kd"):
             if name in self.fields and name in gains:
@@ -163,14 +176,15 @@ def _of_size(value: Any, size: int, name: str) -> Any:
 
 
 def _middle(written: Any) -> float:
-    axis = range_of(_parsed(written), Problems())
+    axis = range_of(parsed(written), Problems())
     if axis is None:
         raise InputError(f"expected {{log: [low, high]}} or [low, high], low < high, got {written}")
     both = math.sqrt(axis.low * axis.high) if axis.scale == "log" else (axis.low + axis.high) / 2
     return float(f"{both:.6g}")
 
 
-def _parsed(written: Any) -> Any:
+def parsed(written: Any) -> Any:
+    """Return a range as `tune.over` takes it."""
     problems = Problems()
     axis = validated(TunedAxis, written, problems)
     problems.raise_if_any()
@@ -185,7 +199,8 @@ def shipped_laws() -> dict[str, Law]:
         options = written or {}
         entry = {"kind": label, **options.get("options", {})}
         only = tuple(options.get("tasks", ()))
-        law = Law(label, entry, options.get(TUNES, {}), only=only)
+        leaves = tuple(options.get("leaves", ()))
+        law = Law(label, entry, options.get(TUNES, {}), only=only, leaves=leaves)
         if file := options.get("file"):
             law = replace(read_law(str(SHIPPED.parent / file)), label=label, only=only)
         laws[label] = law

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from eqt_cli.base.reporting import RUNS_DONE, step, working_for
 from eqt_cli.config.document import Document, expanded
 from eqt_cli.config.study import Study, study
 from eqt_cli.extensions.search.candidates import computed
+from eqt_cli.extensions.search.exchanges import unfinished
 from eqt_cli.extensions.search.law_search import SearchFolder
 from eqt_cli.extensions.search.model_search import Best
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE
@@ -56,6 +57,9 @@ class Judged:
         What it took of the processor, s.
     why
         Why there are no gains on some sample.
+    gained : (samples,)
+        By what share the last exchange between samples lowered the objective of the search; NaN
+        without an exchange, and empty without a search.
     """
 
     values: tuple[Values | None, ...]
@@ -66,6 +70,12 @@ class Judged:
     is_stated: bool = False
     seconds: float = 0.0
     why: str = ""
+    gained: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the search for its gains is finished, or there was none."""
+        return not unfinished([None if math.isnan(x) else x for x in self.gained.tolist()])
 
     @property
     def failed(self) -> int:
@@ -103,7 +113,7 @@ def search_of(law: Law, task: Task) -> Search | None:
         "objective": section.objective,
         "equal": section.equal,
         "samples": section.search.samples,
-        "budget": section.search.points,
+        "budget": section.search.budget(len(over)),
         "confirm": {"runs": section.judge.runs, "seed": section.judge.seed},
     }
     ensemble = {"runs": section.search.runs, "seed": section.search.seed}
@@ -158,6 +168,7 @@ def tuned(law: Law, task: Task, out: Path, workers: int, *, force: bool = False)
         outcome,
         trained=np.array([_spent(one) for one in best.values()]),
         why=record["why"] or "",
+        gained=np.array([math.nan if one.gained is None else one.gained for one in best.values()]),
         seconds=searched + _cpu_seconds() - after,
     )
 

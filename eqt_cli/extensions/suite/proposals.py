@@ -105,7 +105,11 @@ def _percent(deviation: float) -> str:
 def proposal(task: str, of_task: Archive, suite: Archive) -> Proposal:
     """Judge a task by the laws that were judged on it, beside the tasks of a suite."""
     judged = {name: law.tasks[task] for name, law in of_task.laws.items() if task in law.tasks}
-    whole = {name: judged_law for name, judged_law in judged.items() if judged_law.is_whole}
+    whole = {
+        name: judged_law
+        for name, judged_law in judged.items()
+        if judged_law.is_whole and judged_law.is_finished
+    }
     words = [
         paired(*both_on_samples(whole[a], whole[b]), a, b, "", "lower").word
         for a, b in combinations(whole, 2)

@@ -183,7 +183,7 @@ def _check_apart(task: Task, other: Task) -> None:
 def compared(first: Judgements, again: Judgements, titles: Mapping[str, str]) -> Repeated:
     """Compare two runs of the suite, which have the same laws and tasks."""
     whole = {
-        name: [x for x in laws if laws[x].is_whole and again[name][x].is_whole]
+        name: [x for x in laws if _is_judged(laws[x]) and _is_judged(again[name][x])]
         for name, laws in first.items()
     }
     words = [
@@ -213,6 +213,10 @@ def compared(first: Judgements, again: Judgements, titles: Mapping[str, str]) ->
         ],
         means,
     )
+
+
+def _is_judged(judged: Judged) -> bool:
+    return judged.is_whole and judged.is_finished
 
 
 def _word(judgements: Mapping[str, Judged], one: str, other: str) -> Word:

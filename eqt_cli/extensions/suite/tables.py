@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, listed
+from eqt_cli.extensions.search.exchanges import FINISHED, NOT_FINISHED
 from eqt_cli.extensions.suite.archive import Archive
 from eqt_cli.extensions.suite.tasks import REFERENCE, VERSION, Task, digest_of
 from eqt_cli.extensions.suite.verdicts import (
@@ -14,9 +15,9 @@ from eqt_cli.extensions.suite.verdicts import (
     FAILS,
     MOST_SPENT,
     VERDICTS,
-    WITHDRAWN,
     Overall,
     TaskVerdict,
+    at_ends,
     overall,
     sets_of,
     verdicts,
@@ -37,8 +38,6 @@ def _interval(value: float, low: float, high: float) -> str:
 def _cell(judgement: TaskVerdict) -> str:
     """Return the ratio with its interval, or what failed."""
     ratio = judgement.ratio
-    if judgement.law in WITHDRAWN:
-        return "withdrawn"
     return (
         judgement.failure or "-" if ratio is None else _interval(ratio.value, ratio.low, ratio.high)
     )
@@ -66,12 +65,18 @@ def task_table(
         "median run: the ratio in the middle run; better in: share of the runs; effort: what the "
         "law spends on held-out runs, as a share of the most that all may spend in training",
     ]
-    withdrawn = [archive.laws[name].title for name in WITHDRAWN if name in archive.laws]
-    if withdrawn:
+    if any(judgement.verdict == NOT_FINISHED for judgement in of_tasks):
         notes.append(
-            f"WITHDRAWN: all numbers of {listed(withdrawn)}, whose searches failed; better gains "
-            "of these laws are there"
+            f"{NOT_FINISHED}: the last exchange between the samples of the law, or of GT, gained "
+            f"more than {100 * FINISHED:g} %, so that better gains are likely"
         )
+    ends = [
+        f"{archive.laws[x.law].title} on {x.task} ({', '.join(numbers)})"
+        for x in of_tasks
+        if (numbers := at_ends(archive.laws[x.law], tasks[x.task]))
+    ]
+    if ends:
+        notes.append(f"at an end of its range, on some sample: {listed(ends)}")
     if any(judgement.verdict == FAILS for judgement in of_tasks):
         notes.append(
             f"fails: no ratio, since runs failed, no gains spend so little, or the law spends more "
@@ -119,11 +124,13 @@ def overall_table(rows: Sequence[Overall], archive: Archive, write: Plain) -> Te
         blocks.append(
             Block(write.text(title), [_overall_row(row, archive, write) for row in of_law])
         )
-    header = ["law", "geometric mean", "from", "to", *VERDICTS]
+    header = ["law", "geometric mean", "one left out", "from", "to"]
+    header += [word.removeprefix("search ") for word in VERDICTS]
     notes = [
         "geometric mean: of the ratios to GT, with a 95 % interval over samples and held-out "
         "runs; the tasks are fixed, and another set of tasks would give another number",
-        "from, to: the ratios of single tasks; then the number of tasks with each verdict",
+        "one left out: this mean without one of the tasks, the least and the largest; from, to: "
+        "the ratios of single tasks; then the number of tasks with each verdict",
     ]
     caption = "Laws against GT, over whole sets of tasks"
     return TextTable("overall", caption, header, blocks, list(map(write.text, notes)))
@@ -133,6 +140,7 @@ def _overall_row(row: Overall, archive: Archive, write: Plain) -> list[str]:
     return [
         write.text(archive.laws[row.law].title),
         write.text(_interval(*row.ratio)),
+        " to ".join(fixed(x, 2) for x in row.without) if math.isfinite(row.without[0]) else "-",
         fixed(row.least, 2),
         fixed(row.largest, 2),
         *(str(row.verdicts[word]) for word in VERDICTS),
@@ -159,7 +167,10 @@ def answer(
             mean = f"the geometric mean of the ratios is {_interval(*row.ratio)}, {ends}"
             lines.append(f"{over}, {mean}.")
         else:
-            lines.append(f"{over}, there is no mean: it fails on {row.verdicts[FAILS]}.")
+            why = f"it fails on {row.verdicts[FAILS]}"
+            if not row.verdicts[FAILS]:
+                why = "a search is not finished, of the law or of GT"
+            lines.append(f"{over}, there is no mean: {why}.")
     if not any(row.law == law for row in rows):
         lines.append("There is no mean over tasks: this needs a whole set of tasks.")
     of_reference = {x.task: x.spent for x in of_tasks if x.law == REFERENCE}

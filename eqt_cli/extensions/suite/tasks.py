@@ -1,7 +1,7 @@
 """The tasks of the suite: plain configurations with one more section, `suite`.
 
 The section says where a law is put, what is measured, and how each law is tuned and judged. A name
-such as ``eqt-suite-1/quad_att`` never changes its meaning: a wrong task is withdrawn.
+such as ``eqt-suite-2/quad_att`` never changes its meaning: a wrong task is withdrawn.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from eqt_cli.base.option_types import Count, Real, shown, validated
 from eqt_cli.config.document import Document, Place
 from eqt_cli.config.schema import Section, TunedAxis
 
-VERSION = "eqt-suite-1"
+VERSION = "eqt-suite-2"
 """The suite that this version of eqt judges by."""
 
 TASKS = Path(__file__).with_name("tasks") / VERSION.rpartition("-")[2]
@@ -32,6 +32,9 @@ TASKS = Path(__file__).with_name("tasks") / VERSION.rpartition("-")[2]
 
 REFERENCE = "gt"
 """The law that all others are compared with; a task has it in the place of the law."""
+
+FURTHER = 40
+"""Points for each number of a law beyond two."""
 
 _BY_SUITE = ("ensemble", "tune", "worst", "sweep", "plugins")
 """Sections of a configuration that follow from the section `suite`, or that a task cannot have."""
@@ -43,19 +46,29 @@ class SearchedSection(Section):
     Attributes
     ----------
     points
-        Largest number of points for each law and training sample.
+        Largest number of points for each law and training sample, with one number or two; each
+        further number of a law has `FURTHER` more.
     runs
         Training runs at each point.
     samples
         Training samples; sample k has the seed `seed` + k − 1.
     seed
         Seed of the first one.
+    exchanges, exchanged
+        How often the samples of a law exchange their best points at most, and how many points each
+        of them may then try: those of this eqt.
     """
 
     points: Count = 100
     runs: Count
     samples: Count = 5
     seed: Annotated[int, Field(ge=0, lt=2**62)]
+    exchanges: Literal[3] = 3
+    exchanged: Literal[40] = 40
+
+    def budget(self, numbers: int) -> int:
+        """Return the largest number of points of a law with so many numbers."""
+        return self.points + FURTHER * max(0, numbers - 2)
 
 
 class JudgedSection(Section):
@@ -79,7 +92,7 @@ class SuiteSection(Section):
     Attributes
     ----------
     name
-        The suite and the task: ``eqt-suite-1/quad_att``.
+        The suite and the task: ``eqt-suite-2/quad_att``.
     says
         What the task is, in one sentence.
     laws

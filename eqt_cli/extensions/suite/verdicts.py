@@ -8,26 +8,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.analysis.intervals import UNKNOWN, Interval, Word
 from eqt_cli.base.arrays import Array
-from eqt_cli.extensions.search.ratios import Ratio, joined_over, logs_of, paired
+from eqt_cli.base.errors import Problems
+from eqt_cli.extensions.search.exchanges import NOT_FINISHED
+from eqt_cli.extensions.search.law_search import range_of
+from eqt_cli.extensions.search.ratios import AT_AN_END, Ratio, joined_over, logs_of, paired
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
+from eqt_cli.extensions.suite.entrants import parsed, shipped_laws
 from eqt_cli.extensions.suite.judging import Judged
 from eqt_cli.extensions.suite.tasks import REFERENCE, Task
 
 FAILS = "fails"
 """Verdict on a law that fails in a held-out run, or that has no gains that spend so little."""
 
-VERDICTS = (str(Word.BETTER), str(Word.ALIKE), str(Word.UNDECIDED), str(Word.WORSE), FAILS)
+VERDICTS = (
+    *(str(Word.BETTER), str(Word.ALIKE), str(Word.UNDECIDED), str(Word.WORSE)),
+    *(NOT_FINISHED, FAILS),
+)
 """All verdicts on a law on a task."""
-
-WITHDRAWN = ("goodarzi2013", "slotine_li")
-"""Laws of the archive whose numbers are withdrawn, since their searches failed."""
 
 EQUAL = 0.05
 """Difference of what a law spends on held-out runs from what the reference law does, as a share,
@@ -67,7 +71,7 @@ class TaskVerdict:
     @property
     def verdict(self) -> str:
         """One of `VERDICTS`."""
-        return FAILS if self.ratio is None else str(self.ratio.word)
+        return FAILS if self.ratio is None else self.ratio.verdict
 
     @property
     def failure(self) -> str:
@@ -99,6 +103,7 @@ class TaskVerdict:
             "runs": self.judged.runs,
             "samples": len(self.judged.values),
             "effort": self.spent,
+            "last_gain": float(np.max(self.judged.gained, initial=0.0)),
             "tuning": self.tuning,
             "stated_gains": self.judged.is_stated,
         }
@@ -120,6 +125,8 @@ class Overall:
         The ratios of single tasks.
     verdicts
         How often there is each of `VERDICTS`.
+    without
+        The least and the largest geometric mean where one of the tasks is left out.
     """
 
     law: str
@@ -129,11 +136,13 @@ class Overall:
     least: float
     largest: float
     verdicts: dict[str, int]
+    without: tuple[float, float] = (math.nan, math.nan)
 
     def record(self) -> dict[str, Any]:
         """Return the numbers for programs."""
         ends = {"geometric_mean": self.ratio.value, "low": self.ratio.low, "high": self.ratio.high}
         spread = {"least": self.least, "largest": self.largest}
+        spread |= dict(zip(("without_least", "without_largest"), self.without, strict=True))
         counts = {f"share_{word.replace(' ', '_')}": n for word, n in self.verdicts.items()}
         return {"law": self.law, "tasks": self.tasks, "count": self.count, **ends, **spread} | {
             name: number / self.count for name, number in counts.items()
@@ -149,6 +158,8 @@ def verdict(law: JudgedLaw, reference: JudgedLaw, task: Task) -> TaskVerdict:
     if one.is_whole and spent <= MOST_SPENT:
         a, b = both_on_samples(one, other)
         ratio = paired(a, b, law.label, reference.label, task.section.objective, "lower")
+        open_ones = [x.label for x in (law, reference) if not x.tasks[task.name].is_finished]
+        ratio = replace(ratio, unfinished=tuple(open_ones))
     mean = float(np.nanmean(one.errors)) if one.runs > one.failed else math.nan
     return TaskVerdict(law.label, task.name, one, ratio, spent, one.start / mean)
 
@@ -213,11 +224,37 @@ def _overall(
     counts = {word: sum(judgement.verdict == word for judgement in of_law) for word in VERDICTS}
     values = [judgement.ratio.value for judgement in of_law if judgement.ratio is not None]
     mean = UNKNOWN
-    if len(values) == len(of_law):
+    finished = all(not x.ratio.unfinished for x in of_law if x.ratio is not None)
+    if len(values) == len(of_law) and finished:
         parts = [
             logs_of(*both_on_samples(law.tasks[judgement.task], reference.tasks[judgement.task]))
             for judgement in of_law
         ]
         mean = Interval(*(math.exp(x) for x in joined_over(parts, 0.95)))
     ends = (min(values), max(values)) if values else (math.nan, math.nan)
-    return Overall(law.label, name, len(of_law), mean, *ends, counts)
+    without = (math.nan, math.nan)
+    if mean is not UNKNOWN and len(values) > 1:
+        logs = np.log(values)
+        means = np.exp((logs.sum() - logs) / (len(logs) - 1))
+        without = float(means.min()), float(means.max())
+    return Overall(law.label, name, len(of_law), mean, *ends, counts, without)
+
+
+def at_ends(law: JudgedLaw, task: Task) -> list[str]:
+    """Return the numbers of a shipped law whose best values are at an end of their ranges."""
+    shipped = shipped_laws().get(law.label)
+    if shipped is None or shipped.digest != law.digest:
+        return []
+    ends, judged = [], law.tasks[task.name]
+    for key, written in shipped.over(task).items():
+        axis = range_of(parsed(written), Problems())
+        best = [values[key] for values in judged.values if values is not None]
+        if axis is None or axis.times:
+            continue
+        at = [
+            f"{end:g}"
+            for end in (axis.low, axis.high)
+            if any(abs(value - end) <= AT_AN_END * end for value in best)
+        ]
+        ends += [f"{key.rpartition('.')[2]} {end}" for end in at]
+    return ends

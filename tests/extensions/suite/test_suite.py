@@ -240,6 +240,37 @@ def test_a_law_is_better_by_its_ratio_and_fails_without_one():
     assert np.isnan(means["bad"])
 
 
+def test_nothing_is_said_of_a_law_whose_search_is_not_finished(tmp_path):
+    tasks, whole = {"quad_att": all_tasks()["quad_att"]}, archived(gt=1.0, good=0.5, bad=3.0)
+    still = replace(judged(0.5), gained=np.array([0.0, 0.02, 0.001]))
+    whole.laws["good"].tasks["quad_att"] = still
+    archive.write(tmp_path / "a.zip", whole)
+    whole = archive.read(tmp_path / "a.zip")
+    assert whole.laws["good"].tasks["quad_att"].gained.tolist() == [0.0, 0.02, 0.001]
+    rows = verdicts.verdicts(whole, tasks)
+    assert [row.verdict for row in rows] == ["no difference", "search not finished", "worse"]
+    means = {row.law: row.ratio.value for row in verdicts.overall(rows, whole, tasks)}
+    assert np.isnan(means["good"])
+    assert means["bad"] == pytest.approx(3, rel=1e-12)
+
+
+def test_every_search_of_the_archive_says_how_it_ended():
+    cells = [x for law in archive.shipped_archive().laws.values() for x in law.tasks.values()]
+    finished = [x for x in cells if x.is_finished]
+    assert len(finished) >= 0.8 * len(cells)
+    assert all(x.gained.max() <= 0.005 for x in finished)
+
+
+def test_numbers_of_a_law_fit_its_task_and_a_redundant_one_is_left_out():
+    tasks, laws = all_tasks(), shipped_laws()
+    sliding, integral = laws["slotine_li"], laws["goodarzi2013"]
+    assert set(sliding.over(tasks["late"])) == {"gains.kd", "controllers[0].slope"}
+    # ki starts in the middle of its range, times kp at the start of the task
+    for name, kp in (("late", 1.0), ("uuv_station", 10.0)):
+        start = integral.start(tasks[name])["ki"]
+        assert start == pytest.approx(kp * math.sqrt(0.001), rel=1e-5)
+
+
 def test_a_part_of_the_archive_needs_a_law_that_fits_and_a_file_of_its_own(tmp_path, invoke):
     part = ("suite", "archive", "--laws", "quaternion", "--tasks", "robot")
     refused = invoke(*part, "--out", tmp_path / "a.zip", code=2)
@@ -463,7 +494,7 @@ def test_a_network_is_judged_as_the_law_that_it_is(small, invoke):
     )
     assert one.errors == pytest.approx(other.errors, rel=1e-5)
     Path("tasks/pose.yaml").write_text(
-        (TASKS / "robot.yaml").read_text().replace("eqt-suite-1/robot", "eqt-suite-1/pose")
+        (TASKS / "robot.yaml").read_text().replace("eqt-suite-2/robot", "eqt-suite-2/pose")
     )
     refused = invoke("suite", "propose", "tasks/pose.yaml", "--laws", "quaternion", code=2)
     assert "quaternion does not fit" in refused.stderr
