@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.components.vehicle_parts import drawn
 from eqt_cli.config.experiment import Experiment
@@ -24,6 +25,7 @@ ALIKE = {"rate": 0.02, "eccentricity": 1e-3, "anomaly": 0.02}
 """Differences that rounded numbers explain: of the rate, with two digits; of e; rad."""
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: object) -> Iterator[tuple[Any, str]]:
     """Yield heights and rates of no orbit, and orbits of forces that are not the field's."""
     config = experiment.config

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
@@ -12,6 +13,7 @@ from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.spacecraft.wheels import Wheels
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[KeyPath, str]]:
     """Yield wheels without a bias whose dry friction takes away the momenta that add up to 0.
 

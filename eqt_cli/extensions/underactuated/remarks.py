@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import KeyPath
 from eqt_cli.components.matrix_groups import rigid
@@ -17,6 +18,7 @@ ENLARGED = 0.05
 """Least distance, m, by which the rates enlarge an offset that is remarked on."""
 
 
+@purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[KeyPath, str]]:
     """Yield cascades whose derived rates enlarge the offset by a steady force.
 
