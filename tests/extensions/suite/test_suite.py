@@ -251,7 +251,7 @@ def test_nothing_is_said_of_a_law_whose_search_is_not_finished(tmp_path):
     assert [row.verdict for row in rows] == ["no difference", "search not finished", "worse"]
     means = {row.law: row.ratio.value for row in verdicts.overall(rows, whole, tasks)}
     assert np.isnan(means["good"])
-    assert means["bad"] == pytest.approx(3, rel=1e-12)
+    assert means["bad"] == pytest.approx(3, rel=1e-6)  # float32 of the file
 
 
 def test_every_search_of_the_archive_says_how_it_ended():
