@@ -861,7 +861,8 @@ class TuneSection(SearchSection):
     ----------
     over
         Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
-        `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are
+        `{log: [low, high], off: 0, times: kp}`, or a range as of designs. `off` is a law without
+        this number, `times` another one whose multiples the ends are. Keys of an entry of `controllers` are
         that law's own; keys of `gains` are tuned for every law that reads them. A law without a key
         is compared as it is. A name, such as `w`, is for the formulas of `set`.
     set
@@ -883,8 +884,8 @@ class TuneSection(SearchSection):
         Training samples: for each, a law is tuned on other runs, from other first points. Sample k
         has the seed `ensemble.seed` + k − 1. With fewer than 3, no law is called better.
     budget
-        Largest number of points for each law and sample, each with `ensemble.runs` runs. Default:
-        100; of a front 1280 for each law and seed.
+        Largest number of points for each law and sample, each with `ensemble.runs` runs, before the
+        samples exchange their best ones. Default: 100; of a front 1280 for each law and seed.
     cases
         By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
         delays, the inertia, …; a point is run in all of them.
