@@ -291,7 +291,7 @@ class ModelSearch:
         now, levels = self.best(), _levels(self.tried.costs)
         gained = 0.0 if now is None else 1.0
         if before is not None and now is not None:
-            gained = float(-np.expm1(levels[now] - levels[before]))
+            gained = max(0.0, float(-np.expm1(levels[now] - levels[before])))
         return replace(reached, gained=gained)
 
     def _add(self, more: Tried) -> None:
