@@ -862,9 +862,9 @@ class TuneSection(SearchSection):
     over
         Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
         `{log: [low, high], off: 0, times: kp}`, or a range as of designs. `off` is a law without
-        this number, `times` another one whose multiples the ends are. Keys of an entry of `controllers` are
-        that law's own; keys of `gains` are tuned for every law that reads them. A law without a key
-        is compared as it is. A name, such as `w`, is for the formulas of `set`.
+        this number, `times` another one whose multiples the ends are. Keys of an entry of
+        `controllers` are that law's own; keys of `gains` are tuned for every law that reads them. A
+        law without a key is compared as it is. A name, such as `w`, is for the formulas of `set`.
     set
         Keys of `gains` and `controllers` that follow from names in `over`, by formulas, as in a
         sweep: `{gains.kp: 'w**2'}`.
