@@ -173,22 +173,12 @@ def overridden(document: Document, overrides: Sequence[str] | Mapping[str, str])
         If overrides do not parse, or a path does not exist.
     """
     problems: list[InputProblem] = []
-    first_of = dict[KeyPath, str]()
     if EXTENDS in document.data:
         document = function_for(purposes.extends)(document)
     if not isinstance(overrides, Mapping):
         overrides = {f"overrides[{index}]": text for index, text in enumerate(overrides)}
     for place, override in overrides.items():
         try:
-            key = parse_key(override.partition("=")[0].strip() or "-")
-            if (first := first_of.setdefault(key, override)) is not override:
-                problems.append(
-                    InputProblem(
-                        dotted(key),
-                        f"is given twice, first as '{first}'; leave one of them out",
-                        place,
-                    )
-                )
             document = _overridden(document, override, place)
         except ConfigError as error:
             problems += error.problems

@@ -347,10 +347,3 @@ def test_the_cure_stands_in_the_message(changes, place, words):
         load_experiment(BODY | {"group": "SO3"} | changes)
     [problem] = [one for one in refused.value.problems if one.path == place]
     assert words in problem.message
-
-
-def test_a_key_that_is_set_twice_is_refused():
-    from eqt_cli.config.document import overridden
-
-    with pytest.raises(ConfigError, match=r"gains\.kp: is given twice, first as 'gains\.kp=1'"):
-        overridden(load_experiment(BODY).document, ["gains.kp=1", "gains.kd=1", "gains.kp=2"])

@@ -114,8 +114,7 @@ def test_engines_agree_on_a_law_of_array_functions(name):
 
 
 WAY_OUT = (
-    "; write it with operators, @ and the functions of eqt_cli.base.arrays, "
-    "or use `engine: solve_ivp`"
+    "; write it with operators, @ and the functions of eqt_cli.extend, or use `engine: solve_ivp`"
 )
 
 

@@ -8,6 +8,7 @@ from matplotlib.font_manager import fontManager
 from said import error_of, says
 
 from eqt_cli.api.loading import open_at
+from eqt_cli.figures import style as styles
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.layout import freeze, one_panel
 from eqt_cli.figures.render import encode
@@ -222,5 +223,6 @@ def test_letters_that_the_fonts_lack_take_an_installed_one_or_are_refused(so3, m
         assert "DejaVu Sans" in drawing.legends[0].get_texts()[0].get_fontfamily()
         few = [x for x in fontManager.ttflist if x.name in ("STIXGeneral", "DejaVu Serif")]
         monkeypatch.setattr(fontManager, "ttflist", few)
+        monkeypatch.setattr(styles, "findSystemFonts", list)
         message = error_of(Summary().draw, [result])
     assert says(message, "no installed font has the letter ש (U+05E9) of “שלום”…")

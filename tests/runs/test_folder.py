@@ -151,9 +151,8 @@ def test_what_was_begun_and_left_without_results_is_replaced(finished, run):
 def test_files_of_others_are_never_replaced(run, name, force):
     Path("out").mkdir()
     Path("out", name).write_text("mine", encoding="utf-8")
-    assert refusal(run, force=force) == (
-        f"out: holds {name} that eqt did not write; choose another folder with out=…"
-    )
+    said = refusal(run, force=force)
+    assert name in said and "choose another folder with out=…" in said
     assert contents() == {name: b"mine"}
 
 

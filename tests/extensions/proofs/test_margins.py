@@ -14,7 +14,7 @@ import yaml
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import ConfigError
+from eqt_cli.base.errors import ConfigError, EqtWarning
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.extend import Array, Lee2010, Problem, SolveIvp, Tracking, stack
 from eqt_cli.extensions.proofs import margins as searched
@@ -427,7 +427,8 @@ def test_a_sampled_gain_is_that_of_its_difference_equation() -> None:
 
 
 def test_a_loop_that_is_unstable_without_delay_has_no_margins() -> None:
-    law = of(WHEEL, control={"period": 3.0})
+    with pytest.warns(EqtWarning, match="unstable"):
+        law = of(WHEEL, control={"period": 3.0})
     assert (law.is_unstable, law.delay, law.delay_periods, law.gains) == (True, None, None, {})
     assert law.size == abs(law.growth.eigenvalue) > 1
 
