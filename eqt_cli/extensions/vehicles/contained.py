@@ -7,16 +7,13 @@ environment but the arguments of the file. It answers in JSON, which runs nothin
 from __future__ import annotations
 
 import json
-import math
-import os
 import re
 import signal
 import subprocess
 import sys
-from contextlib import redirect_stdout, suppress
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 from eqt_cli.base.errors import EqtError, printable
@@ -37,10 +34,13 @@ _IMPORTS = 4 * 2**30
 """Bound of the address space with the packages, which count with their code, bytes."""
 
 _START = "import sys; sys.path.insert(3, sys.argv[1]); from eqt_cli.extensions.vehicles import "
-_START += "contained; contained.main()"
+_START += "child; child.main()"
 
 _ROOT = Path(__file__).parents[3]
-_TITLES = {"xacro": "xacro", "mjcf": "MuJoCo"}
+TITLES = {"xacro": "xacro", "mjcf": "MuJoCo"}
+
+LACKS_MEMORY = 75
+"""Exit code of a process that needs more memory."""
 
 
 def answer(kind: str, request: Request) -> Any:
@@ -51,7 +51,7 @@ def answer(kind: str, request: Request) -> Any:
     EqtError
         With what is wrong with the file; or that its process needed too much, or crashed.
     """
-    where, title = shown(request.path), _TITLES[kind]
+    where, title = shown(request.path), TITLES[kind]
     entries = {**asdict(request), "path": str(request.path.absolute())}
     entries["models"] = [str(folder.absolute()) for folder in request.models]
     text = json.dumps({key: value for key, value in entries.items() if key in _ASKED}).encode()
@@ -81,7 +81,7 @@ def _ending(done: subprocess.CompletedProcess[bytes]) -> str:
     """Say how a process ended without an answer."""
     if -done.returncode == getattr(signal, "SIGXCPU", None):
         return f"needs more than {SECONDS} s of the processor for it"
-    if done.returncode == _LACKS_MEMORY:
+    if done.returncode == LACKS_MEMORY:
         return f"needs more than {MEMORY // 2**20} MB of memory for it"
     if -done.returncode == getattr(signal, "SIGKILL", None):
         return "was killed while it read it, perhaps for lack of memory"
@@ -89,74 +89,6 @@ def _ending(done: subprocess.CompletedProcess[bytes]) -> str:
         return f"crashed on it ({signal.Signals(-done.returncode).name})"
     said = printable(done.stderr.decode("utf-8", "replace").strip()[-200:])
     return f"gave no answer ({said or f'exit code {done.returncode}'})"
-
-
-_LACKS_MEMORY = 75
-
-
-# In the process -----------------------------------------------------------------------------------
-
-
-def main() -> None:
-    """Read the request from stdin, and write the answer to stdout."""
-    out, kind = os.fdopen(os.dup(1), "wb"), sys.argv[2]
-    entries = json.load(sys.stdin)
-    entries |= {"path": Path(entries["path"]), "models": [Path(name) for name in entries["models"]]}
-    request = Request(**entries)
-    os.environ.clear()
-    os.environ.update({name: value for name, value in request.arguments.items() if name})
-    said: dict[str, Any] = {}
-    try:
-        with redirect_stdout(sys.stderr):
-            said["answer"] = xacro_here(request) if kind == "xacro" else mjcf_here(request)
-    except EqtError as error:
-        said["error"] = str(error)
-    except ImportError as error:
-        said["error"] = f"{shown(request.path)}: {_TITLES[kind]} cannot be imported: {error}"
-    except MemoryError:
-        os._exit(_LACKS_MEMORY)
-    said |= {"left_out": sorted(request.names_left_out), "offered": sorted(request.names_offered)}
-    out.write(json.dumps(said).encode())
-    out.flush()
-    os._exit(0)  # what MuJoCo has built need not be taken apart
-
-
-def xacro_here(request: Request) -> str:
-    """Return what xacro makes of a file, in this process."""
-    import xacro
-
-    from eqt_cli.extensions.vehicles.macros import expanded
-
-    _limit()
-    return expanded(xacro, request)
-
-
-def mjcf_here(request: Request) -> dict[str, Any]:
-    """Return what MuJoCo makes of a file, in this process."""
-    import mujoco
-
-    from eqt_cli.extensions.vehicles.mjcf import vehicle_of
-
-    _limit()
-    return as_record(vehicle_of(mujoco, request))
-
-
-def as_record(vehicle: Any) -> dict[str, Any]:
-    """Return a vehicle without arrays."""
-    record: dict[str, Any] = json.loads(json.dumps(asdict(vehicle), default=lambda x: x.tolist()))
-    return record
-
-
-def _limit() -> None:
-    """Limit this process from here on, where the system can: not on Windows."""
-    with suppress(ImportError, ValueError, OSError):
-        import resource
-
-        seconds = math.ceil(process_time() + SECONDS)
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(0)[1]))
-        pages = int(Path("/proc/self/statm").read_text().split()[0])  # Linux
-        most = pages * resource.getpagesize() + MEMORY
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def memory_lacks(said: str) -> bool:

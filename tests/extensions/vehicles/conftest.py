@@ -3,7 +3,7 @@
 import pytest
 
 from eqt_cli.base.yaml_source import load
-from eqt_cli.extensions.vehicles import contained
+from eqt_cli.extensions.vehicles import child, contained
 from eqt_cli.extensions.vehicles.vehicle_file import configuration_of
 
 
@@ -26,7 +26,7 @@ def without_process(monkeypatch):
     """Let xacro and MuJoCo read files here: to start a process takes longer than a test may."""
 
     def answer(kind, request):
-        return contained.xacro_here(request) if kind == "xacro" else contained.mjcf_here(request)
+        return child.xacro_here(request) if kind == "xacro" else child.mjcf_here(request)
 
-    monkeypatch.setattr(contained, "_limit", lambda: None)
+    monkeypatch.setattr(child, "_limit", lambda: None)
     monkeypatch.setattr(contained, "answer", answer)
