@@ -378,7 +378,7 @@ def _nearly_whole(value: Any) -> Any:
 
 _Whole = BeforeValidator(_nearly_whole)
 
-Count = Annotated[int, _Whole, Field(strict=True, ge=1)]
+Count = Annotated[int, Field(strict=True, ge=1), _Whole]
 """A whole number of at least 1."""
 
 MAX_RUNS = 10**8
@@ -387,19 +387,19 @@ MAX_RUNS = 10**8
 MAX_POINTS = 10**7
 """Largest number of points of a sweep, because all are checked before the first one is run."""
 
-RunCount = Annotated[int, _Whole, Field(strict=True, ge=1, le=MAX_RUNS)]
+RunCount = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS), _Whole]
 """A number of runs."""
 
 MAX_SAMPLES = 10**7
 """Largest number of samples of a run: a day at 100 Hz, and 80 MB for each quantity."""
 
-Samples = Annotated[int, _Whole, Field(strict=True, ge=2, le=MAX_SAMPLES)]
+Samples = Annotated[int, Field(strict=True, ge=2, le=MAX_SAMPLES), _Whole]
 """A number of sample times, both ends included."""
 
-Points = Annotated[int, _Whole, Field(strict=True, ge=1, le=MAX_POINTS)]
+Points = Annotated[int, Field(strict=True, ge=1, le=MAX_POINTS), _Whole]
 """A number of points of a sweep, or of values along one of its axes."""
 
-CountOrNone = Annotated[int, _Whole, Field(strict=True, ge=0)]
+CountOrNone = Annotated[int, Field(strict=True, ge=0), _Whole]
 """A whole number of at least 0, where 0 stands for none."""
 
 
