@@ -126,7 +126,7 @@ def vehicle_file(path: Path, **options: Any) -> tuple[str, list[str]]:
 
 @one("run --grow")
 def run_grow(session: Any, *, drops: bool) -> Any:
-    """Make a result that of another study, and compute what it lacks; `eqt run --grow`."""
+    """Make a result the result of another study: compute what it lacks; `eqt run --grow`."""
 
 
 @one("run --rerun-failed")
@@ -312,7 +312,7 @@ def function_in_python(
     returns: int,
     period: float,
 ) -> Any:
-    """Return a function that runs in a process of its own, after a call; `eqt verify --plant`."""
+    """Return a function that runs in a separate process, after a call; `eqt verify --plant`."""
 
 
 @one("signals of code")

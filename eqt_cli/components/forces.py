@@ -571,8 +571,8 @@ class Restoring(Force):
     weight, buoyancy
         W and B, N.
     gravity
-        Instead of `weight`: g of W = m g, m/s². Of the plant, m is the mass of its inertia in each
-        run; of the laws, that of their model.
+        Instead of `weight`: g of W = m g, m/s². The plant takes the mass of its inertia in each
+        run, a law the mass of its model.
     centre_of_mass, centre_of_buoyancy
         r_G and r_B in the body frame, m.
     up

@@ -715,7 +715,7 @@ def _check_weights(
         elif mass_of(G, body) is None or (body.added is None and model.at(0.0).added is not None):
             here.add(
                 "needs the mass of the body alone, and the inertia has another one by axis; write "
-                "it as {rigid: …, added: …}, and that of the plant relative to it"
+                "it as {rigid: …, added: …}, and the inertia of the plant relative to it"
             )
 
 

@@ -106,7 +106,7 @@ def _impossible(drawing: _Drawing, until: float) -> list[tuple[KeyPath, str]]:
             if not np.array_equal(now, usual):
                 problems.add(
                     f"changes its piece at {shown(now.tolist())} s, and at {shown(usual.tolist())} "
-                    "s with the means; let no step depend on what is drawn, but `since` and `until`"
+                    "s with the means; let drawn numbers move no step, but `since` and `until`"
                 )
         if problems:
             return [

@@ -300,8 +300,8 @@ def _of_another_loop(result: Margins, varying: Sequence[LawMargins]) -> Iterator
         settles = "it settles only where the loop hardly changes"
         why = "a filter by an accelerometer settles late" if navigates(vehicle) else settles
         yield (
-            f"No margin here is that of the file: the loop of {listed(bare)} is computed without "
-            f"its estimator, because {why}."
+            f"No margin here is a margin of the file: the loop of {listed(bare)} is computed "
+            f"without its estimator, because {why}."
         )
     if not varying:
         return

@@ -150,7 +150,7 @@ def _of_another_unit(experiment: Experiment) -> Placed:
                 speed = ""
                 if getattr(written, "high_speed", None) is not None:
                     most = highest(written.high_speed)
-                    speed = f", and that of high_speed: if rpm were meant, write '{most:g} rpm'"
+                    speed = f", and the unit of high_speed: if rpm were meant, write '{most:g} rpm'"
                 yield (
                     (*key, option),
                     f"lets thrusts of {np.max(high):.3g} N accelerate the body by {rate:.2g} "

@@ -74,13 +74,13 @@ def _of_force(
         if abs(e - orbit.eccentricity) > ALIKE["eccentricity"]:
             yield (
                 ("eccentricity",),
-                f"is {e:g}, but that of {field} is {orbit.eccentricity:g}; give both one orbit",
+                f"is {e:g}, but {field} has {orbit.eccentricity:g}; give both one orbit",
             )
         apart = np.angle(np.exp(1j * (force.anomaly - orbit.anomaly)))
         if max(e, orbit.eccentricity) > ALIKE["eccentricity"] and abs(apart) > ALIKE["anomaly"]:
             degrees = np.degrees([force.anomaly, orbit.anomaly])
             yield (
                 ("anomaly",),
-                f"is {degrees[0]:.4g} deg, but that of {field} is {degrees[1]:.4g} deg, so that "
+                f"is {degrees[0]:.4g} deg, but {field} has {degrees[1]:.4g} deg, so that "
                 "the satellite is at two places; give both one",
             )

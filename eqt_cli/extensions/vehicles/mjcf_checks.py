@@ -122,8 +122,8 @@ class Checks:
                 v.notes.append(f"{said} is left out: N s/m and N m s of drag (kind: drag)")
             else:
                 raise EqtError(
-                    f"{said} changes the motion, and eqt does not read it; write <freejoint/>, to "
-                    "which no default class applies"
+                    f"{said} changes the motion, and eqt does not read it; write <freejoint/>: no "
+                    "default class applies to it"
                 )
 
     def _of_joints(self, v: Vehicle) -> Iterator[str]:
@@ -196,7 +196,7 @@ class Checks:
             yield f"{what} between joints or bodies, which are held, is left out"
         elif any(inside):
             raise EqtError(
-                f"{what} ties the vehicle to what is no part of it, and eqt does not read it; "
+                f"{what} ties the vehicle to another body, or to the world; eqt does not read it; "
                 "remove it"
             )
 

@@ -105,8 +105,8 @@ def test_one_orbit_in_two_places_is_not_remarked_on(height, e, factor):
     [
         ({"rate": np.sqrt(MU / (R + 5e5) ** 3)}, "rate", f"{0.7**-3:.3g} times"),
         ({"rate": {"uniform": [6e-4, 9e-4]}}, "rate", "0.00075 rad/s"),
-        ({"eccentricity": 0.2}, "eccentricity", "that of actuators[0].orbit is 0.3"),
-        ({"anomaly": np.pi}, "anomaly", "is 180 deg, but that of actuators[0].orbit is 0 deg"),
+        ({"eccentricity": 0.2}, "eccentricity", "actuators[0].orbit has 0.3"),
+        ({"anomaly": np.pi}, "anomaly", "is 180 deg, but actuators[0].orbit has 0 deg"),
     ],
 )
 def test_orbits_that_contradict_are_told(changed, key, words):
