@@ -497,8 +497,8 @@ MAX_QUOTED = 100
 """Longest quotation of an expression in a message, characters."""
 
 
-def formula(entry: str | float, variables: tuple[str, ...] = ("t",)) -> Expression:
-    """Return the expression of an entry in a configuration, text or a number.
+def formula(entry: str | float, variables: tuple[str, ...] = ("t",), times: str = "") -> Expression:
+    """Return the expression of an entry in a configuration, text or a number, times a factor.
 
     Raises
     ------
@@ -506,7 +506,8 @@ def formula(entry: str | float, variables: tuple[str, ...] = ("t",)) -> Expressi
         If the entry is no expression; the message quotes it.
     """
     try:
-        return _parsed(str(entry), variables)
+        alone = _parsed(str(entry), variables)  # errors count its columns
+        return _parsed(f"({entry})*{times}", variables) if times else alone
     except ExpressionError as error:
         raise InputError(f"'{shortened(str(entry))}': {error}") from error
 

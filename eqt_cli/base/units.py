@@ -19,7 +19,10 @@ _FORCE, _TORQUE, _FIELD = (1, 1, -2, 0, 0), (1, 2, -2, 0, 0), (1, 0, -2, 0, -1)
 _ACCELERATION = (0, 1, -2, 0, 0)
 _PI = 3.141592653589793
 
-_SYMBOLS: dict[str, tuple[float, Dimension]] = {
+Size: TypeAlias = tuple[float, Dimension]
+"""Factor to kg, m, s, rad and A, and dimension."""
+
+_SYMBOLS: dict[str, Size] = {
     "kg": (1.0, _MASS),
     "g": (1e-3, _MASS),
     "km": (1e3, _LENGTH),
@@ -49,7 +52,6 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     # Of data sheets of accelerometers, by standard gravity; nothing here weighs a milligram.
     "ug": (9.80665e-6, _ACCELERATION),
     "mg": (9.80665e-3, _ACCELERATION),
-    "g_0": (9.80665, _ACCELERATION),  # what g is where an acceleration is expected
     **{f"{prefix}T": (size, _FIELD) for prefix, size in (("", 1.0), ("u", 1e-6), ("n", 1e-9))},
     **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
@@ -105,20 +107,20 @@ def _spelled(text: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def size_of(unit: str) -> tuple[float, Dimension] | None:
+def size_of(unit: str, g: Size = _SYMBOLS["g"]) -> Size | None:
     """Return the factor of a unit to kg, m, s, rad and A, and its dimension; None if unknown."""
     text = " ".join(_spelled(unit).translate(_ALIKE).split())
     if not re.fullmatch(_UNIT, text):
         return None
     factors: list[tuple[float, Dimension, float]] = []
     if bracket := re.match(r"\((.*)\)(?:\^(-?\d))?", text):
-        inner = size_of(bracket[1])
+        inner = size_of(bracket[1], g)
         assert inner is not None  # it is a product of known symbols
         factors.append((*inner, int(bracket[2] or 1)))
         text = text[bracket.end() :]
     for slash, root, symbol, exponent in re.findall(_FACTOR, text):
         power = 0.5 if root else int(exponent or 1)
-        factors.append((*_SYMBOLS[symbol], -power if slash else power))
+        factors.append((*(g if symbol == "g" else _SYMBOLS[symbol]), -power if slash else power))
     a, b, c, d, e = (sum(power * base[k] for _, base, power in factors) for k in range(5))
     return prod(size**power for size, _, power in factors), (a, b, c, d, e)
 
@@ -137,7 +139,7 @@ def factor(unit: str, to: str) -> float | None:
     """Return the factor from a unit to another one of its dimension; None for any other."""
     one, other = size_of(unit), size_of(to)
     if one and other and one[1] != other[1] and other[1][:2] == _ACCELERATION[:2]:
-        one = size_of(re.sub(r"(?<![A-Za-z])g(?![A-Za-z_])", "g_0", unit))
+        one = size_of(unit, (9.80665, _ACCELERATION))
     return one[0] / other[0] if one and other and _same(one[1], other[1]) else None
 
 

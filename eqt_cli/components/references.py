@@ -390,7 +390,7 @@ class PathFactor(Keys):
         """The parsed expression of `by`, in rad and m."""
         text, unit = self.written
         size = "pi/180" if unit == "deg" else repr(units.factor(unit, units.base_of(unit)))
-        return formula(f"({text})*{size}" if unit else text)
+        return formula(text, times=size if unit else "")
 
     @property
     def written(self) -> tuple[str | float, str]:

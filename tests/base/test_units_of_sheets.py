@@ -29,6 +29,7 @@ def test_a_unit_of_a_sheet_is_that_number(text, unit, number):
     ("0.4 mG/√Hz", "m/s/sqrt(s)", ["ug/sqrt(Hz)", "0.1 uT", "mg for an acceleration"]),
     ("2 furlong/sqrt(h)", "rad/s", ["rad/s, deg/s"]),
     ("2 knots/√Hz", "m/s", ["m/s, cm/s"]),
+    ("0.2 g_0", "m/s^2", ["m/s^2, ug or mg"]),
 ])  # fmt: skip
 def test_an_unknown_unit_is_refused_with_those_that_do(text, unit, offered):
     with pytest.raises(ValueError, match=r"expected a number or an? ") as refused:

@@ -340,6 +340,8 @@ def test_a_count_that_is_not_whole_is_printed_as_it_is(written):
     ({"inertia": {"rigid": [1, 1, 1], "added": [-0.1, -0.2, -0.3]}}, "inertia.added", "Fossen"),
     ({"gains": {"k_R": [0.3, 0.3, 0.2], "k_Omega": 0.1}}, "gains.k_R", "kp: [0.1, 0.1, 0.2]"),
     ({"inertia": {"urdf": [1, 0, 0, 1, 0, 1], "mass": {}}}, "inertia.mass", "a number"),
+    ({"reference": {"kind": "path", "factors": [{"axis": "wz", "by": "8*clip(t, 0, 1) deg"}]}},
+     "reference.factors[0].by", "'8*clip(t, 0, 1)': unknown name 'clip' at column 3"),
 ])  # fmt: skip
 def test_the_cure_stands_in_the_message(changes, place, words):
     """√(0.15 · 0.12) = 0.134; with κ = (0.1, 0.1, 0.2), sums of two are 0.3, 0.3 and 0.2."""

@@ -68,16 +68,19 @@ def live(
     """
     from eqt_cli.extensions.live import sliders, wasm
     from eqt_cli.extensions.live.document import LivePage, blank_result, experiments, for_a_page
+    from eqt_cli.extensions.live.programs import refuse_foreign
 
     config, out, overrides, keys = Path(config), Path(out), dict(overrides or {}), keys or {}
     check_targets([out], out.parent)
-    wasm.command()
     study = load_experiment(config, overrides)
     if study.sweep is not None:
         reporter().remark(EqtWarning(f"{config}: the page is written without its sweep"))
         overrides["sweep"] = None
     for key, range_ in keys.items():
         sliders.slider_of(study.document.data, key, range_)
+    for label, loop in study.base.loops.items():
+        refuse_foreign(loop, label)
+    wasm.command()
     words = ["eqt", "run", config.name if config.is_absolute() else str(config)]
     for key, value in overrides.items():
         words += ["--set", f"{key}={flow(value)}"]
@@ -127,8 +130,10 @@ def _engine(experiment: Study) -> list[str]:
 
 def ranges(texts: Sequence[str]) -> dict[str, str]:
     """Return the ranges of sliders by key, from texts ``KEY=LOW:HIGH`` or ``KEY``."""
-    keys = {}
+    keys = dict[str, str]()
     for text in texts:
-        key, _, range_ = text.partition("=")
-        keys[key.strip()] = range_.strip()
+        key, _, range_ = map(str.strip, text.partition("="))
+        if key in keys:
+            raise EqtError(f"--key {text}: {key} has a slider already; leave one of them out")
+        keys[key] = range_
     return keys

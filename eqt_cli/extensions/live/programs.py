@@ -11,7 +11,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, less, norm, where
 from eqt_cli.base.errors import EqtError
-from eqt_cli.components.laws import RunsCode
+from eqt_cli.components.laws import Controller, RunsCode
 from eqt_cli.config.study import Study
 from eqt_cli.engines import library
 from eqt_cli.engines.engine import GROWN, MOST_TURNS, Problem
@@ -53,7 +53,7 @@ class LiveLoop:
         experiment = study.base
         loop = self.loop = experiment.loops[label]
         self.problem = problem = _problem(study, label, 1)
-        _refuse(loop, label)
+        refuse_foreign(loop, label)
         law = programs(loop)
         if law.around_code is not None:
             raise _refused(label, "a solver of its vehicle works outside the compiled program")
@@ -200,10 +200,13 @@ def _refused(label: str, why: str) -> EqtError:
     return EqtError(f"{label} cannot run in a page: {why}")
 
 
-def _refuse(loop: ClosedLoop, label: str) -> None:
-    foreign = [part.name for part in parts_of(loop) if part.is_foreign]
-    if foreign or isinstance(loop.controller, RunsCode):
-        raise _refused(label, f"{foreign[0] if foreign else 'its law'} is code of a plugin")
+def refuse_foreign(loop: ClosedLoop, label: str) -> None:
+    """Raise an `EqtError` if code of a plugin would run; laws that are formulas are traced."""
+    parts = parts_of(loop)
+    foreign = [p.name for p in parts if p.is_foreign and not isinstance(p.part, Controller)]
+    laws = loop.controller, getattr(loop.controller, "inner", None)
+    if foreign or any(isinstance(law, RunsCode) for law in laws):
+        raise _refused(label, f"{foreign[0] if foreign else 'its law'} is code, no formula")
 
 
 def _numbers_of(span: Any) -> list[float]:

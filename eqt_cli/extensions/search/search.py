@@ -117,6 +117,9 @@ class Searches(ABC, Generic[S]):
         ranges: dict[str, TunedRange] = {}
         names: set[str] = set()
         if section.set:
+            with here.at("set").catching():
+                section = section.model_copy(update={"set": expanded(section.set)})
+            problems.raise_if_any()
             swept = list(expanded(dict.fromkeys(section.over)))
             rules = law_search.rules_of(section.set, swept, here)
             problems.raise_if_any()

@@ -240,6 +240,11 @@ def answer(
     return document, records, tables, between
 
 
+def beside_1(ratio: float) -> str:
+    """Format a ratio with the digits that tell it from 1, which decides a verdict; at least 3."""
+    return next((x for k in range(3, 16) if float(x := fixed(ratio, k)) != 1), fixed(ratio, 3))
+
+
 def _table(
     result: Result, rows: Sequence[Pooled], how: Resampling, write: Plain, *, drawn: bool
 ) -> TextTable:
@@ -249,7 +254,7 @@ def _table(
     header += ["better", "worse", "same", "undecided", "failed"]
     body = []
     for row in rows:
-        ends = f"{fixed(row.low, 3)} to {fixed(row.high, 3)}" if math.isfinite(row.low) else "-"
+        ends = f"{beside_1(row.low)} to {beside_1(row.high)}" if math.isfinite(row.low) else "-"
         body.append(
             [
                 write.text(result.title_of[row.law]),

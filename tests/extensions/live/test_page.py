@@ -4,14 +4,22 @@ import html
 import re
 
 import pytest
-from plugin_sources import ESCAPE
+from plugin_sources import ESCAPE, component
 from said import says
 from small_experiment import configuration
 
 from eqt_cli import api
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.live import wasm
+from eqt_cli.extensions.live.api import ranges
 
+SLOW = component("""
+slow(eqt_cli.components.forces.Force):
+    departs: ClassVar[str] = "drag of a plugin"
+
+    def acting(self, G, t, Q, V):
+        return -0.1 * V
+""")
 HOSTILE = '</script><img src=x onerror="alert(1)">'
 
 
@@ -59,9 +67,9 @@ def test_labels_are_text(folder, uncompiled):
         ({"live": "{ensemble.runs: [1, 3]}"}, {}, "…:…: live.ensemble.runs: no slider…"),
         ({"failed_when": "{attitude: 170 deg}"}, {}, "failed_when: …--set failed_when=null"),
         (
-            {"plugins": "[plugin.py]", "controllers": "[escape]"},
+            {"plugins": "[plugin.py]", "plant": "{forces: [{kind: slow}]}"},
             {},
-            "escape cannot run in a page: …is code of a plugin",
+            "eqt cannot run in a page: …slow…is code, no formula",
         ),
     ],
 )
@@ -69,7 +77,7 @@ def test_what_cannot_go_live_is_refused_before_anything_runs(
     folder, uncompiled, monkeypatch, more, keys, said
 ):
     monkeypatch.setattr("eqt_cli.extensions.live.api.run", None)
-    (folder / "plugin.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "plugin.py").write_text(SLOW, encoding="utf-8")
     with pytest.raises(EqtError) as caught:
         written(folder, configuration(settling_threshold=0.05, **more), keys=keys)
     assert says(str(caught.value), said)
@@ -83,3 +91,26 @@ def test_configuration_and_result_name_the_sliders(folder, uncompiled):
     api.live(folder / "r", folder / "again.html")
     again = (folder / "again.html").read_text(encoding="utf-8")
     assert re.findall(r'"key": "([^"]*)"', again) == ["gains.kd", "gains.kp"]
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+def test_a_law_of_a_plugin_that_is_a_formula_runs_in_a_page(folder, uncompiled):
+    law = ESCAPE.replace("20 * s.V", "s.relative.cancelling_feedforward - 20 * s.V")
+    (folder / "plugin.py").write_text(law, encoding="utf-8")
+    more = {"plugins": "[plugin.py]", "controllers": "[eqt, escape]"}
+    assert '"escape"' in written(folder, configuration(**more))
+
+
+def test_two_sliders_of_one_key_are_refused():
+    assert ranges(["gains.kp=1:2", "gains.kd"]) == {"gains.kp": "1:2", "gains.kd": ""}
+    with pytest.raises(EqtError, match=r"gains\.kp = 1:3: gains\.kp has a slider already"):
+        ranges(["gains.kp=1:2", "gains.kp = 1:3"])
+
+
+def test_keys_are_checked_before_a_compiler_is_wanted(folder, monkeypatch):
+    monkeypatch.setattr(wasm, "find_spec", lambda name: None)
+    monkeypatch.setenv("CC", "/nowhere/clang")
+    for keys, said in {"gains.kq": "gains.kq: a slider…", "gains.kp": "…compiler…"}.items():
+        with pytest.raises(EqtError) as caught:
+            written(folder, configuration(), keys={keys: "1:3"})
+        assert says(str(caught.value), said)

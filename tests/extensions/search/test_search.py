@@ -21,6 +21,15 @@ def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(small):
     assert list(family.axes) == ["gains.kp", "controllers[0].gyroscopic"]
 
 
+def test_a_formula_sets_the_entries_that_a_range_names(small):
+    small["gains"] = {"kp": [1.0, 1.0, 1.0], "kd": 0.5}
+    small["tune"] |= {"over": {"w": [1, 3]}, "set": {"gains.kp[0:2]": "2 + w"}}
+    law = read(small).laws[0]
+    assert law.at({"w": 1.5}).data["gains"]["kp"] == [3.5, 3.5, 1.0]
+    small["tune"]["set"] = {"gains.kp[2:2]": "2 + w"}
+    assert mentions(error_of(read, small), "tune.set…gains.kp[0:3]…gains.kp[2:2]")
+
+
 def test_gains_of_a_law_are_its_own_start_and_its_own_range(small):
     small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": 2.0}}]
     small["tune"]["over"] = {"controllers[1].gains.kp": [1, 3], "gains.kp": [0.5, 1.5]}

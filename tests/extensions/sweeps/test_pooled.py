@@ -8,7 +8,7 @@ import pytest
 from said import says
 
 from eqt_cli.analysis.intervals import Interval, Resampling, Word
-from eqt_cli.extensions.sweeps.pooled import interval, is_drawn, logs_of, word_of
+from eqt_cli.extensions.sweeps.pooled import beside_1, interval, is_drawn, logs_of, word_of
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import open_result
 
@@ -108,3 +108,9 @@ def test_the_answer_of_a_sweep(tmp_path, invoke, swept_result):
 )
 def test_what_is_wrong_is_said(invoke, swept_result, more, said):
     assert says(invoke("compare", swept_result, "--pooled", *more, code=2).stderr.strip(), said)
+
+
+def test_the_end_of_an_interval_shows_on_which_side_of_1_it_is():
+    assert [beside_1(x) for x in (0.99991, 1.00002, 0.601, 1.0)] == [
+        "0.9999", "1.00002", "0.601", "1.000",
+    ]  # fmt: skip
