@@ -8,6 +8,7 @@ import numpy as np
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import KeyPath
+from eqt_cli.components.forces import weighed
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.remarks import along_reference, gains_flown
@@ -62,7 +63,8 @@ def _unknown(experiment: Experiment, model: Any, shown: Horizon, pushes: Array) 
     times, poses, velocities = along_reference(experiment, shown)
     part: Any = rigid(G).translation
     sums: list[Array] = []
-    for forces in (loop.vehicle.forces, [force.of_run(G, None) for force in model]):
+    foreseen = weighed(G, tuple(force.of_run(G, None) for force in model), loop.inertia)
+    for forces in (loop.vehicle.forces, foreseen):
         total: Any = np.zeros_like(velocities)
         for t, Q, V, here in zip(times, poses, velocities, total, strict=True):
             for force in forces:

@@ -9,17 +9,18 @@ from eqt_cli.config.remarks import remarks
 
 pytestmark = pytest.mark.needs("underactuated")
 LEE = Path(__file__).parents[3] / "configs" / "quadrotor_lee.yaml"
-WEIGHT = {"kind": "restoring", "weight": 42.5754, "up": [0, 0, -1]}
+WEIGHT = {"kind": "restoring", "up": [0, 0, -1]}
 RATIO = 1 + (2.54 * 5.6 + 0.082 * 16) / 8.81  # (k_Ω k_v + J k_x)/k_R
 
 
-@pytest.mark.parametrize(("force", "rates", "says"), [
-    ([0, 3.47, 0], "model", True),
-    ([0, 0, 3.47], "model", False),  # along the push, which tilts nothing
-    ([0, 3.47, 0], "filter", False),
-    ([0, 0.3, 0], "model", False),  # it moves the body by 8 mm more
+@pytest.mark.parametrize(("force", "rates", "says", "weight"), [
+    ([0, 3.47, 0], "model", True, {"weight": 42.5754}),
+    ([0, 3.47, 0], "model", True, {"gravity": 9.81}),  # which the model weighs by its mass
+    ([0, 0, 3.47], "model", False, {"weight": 42.5754}),  # along the push, which tilts nothing
+    ([0, 3.47, 0], "filter", False, {"weight": 42.5754}),
+    ([0, 0.3, 0], "model", False, {"weight": 42.5754}),  # it moves the body by 8 mm more
 ])  # fmt: skip
-def test_a_wind_that_the_model_does_not_know_is_remarked_on(force, rates, says):
+def test_a_wind_that_the_model_does_not_know_is_remarked_on(force, rates, says, weight):
     config = eqt_cli.load_experiment(LEE).document.data
     law = (
         config["controllers"][0]
@@ -31,7 +32,8 @@ def test_a_wind_that_the_model_does_not_know_is_remarked_on(force, rates, says):
     config = config | {
         "controllers": [law],
         "reference": still,
-        "plant": {"forces": [WEIGHT, push]},
+        "plant": {"forces": [WEIGHT | weight, push]},
+        "model": {"forces": [WEIGHT | weight]},
     }
     said = [
         str(x)
