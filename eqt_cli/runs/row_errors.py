@@ -45,7 +45,8 @@ def row_errors(study: Study) -> dict[str, Attribute]:
     A few runs are solved at many more samples, which changes no step of theirs. Commands are held
     from tick to tick there, as in the runs. Where noise is measured at ticks that samples skip,
     nothing is said: their error is then random, and `eqt config check` says that they skip. Nor is
-    it of loops with a sample at every tick.
+    it of loops with a sample at every tick whose torque is held from tick to tick. A lag or a rate
+    limit moves the torque between ticks, and samples at them then miss how.
     """
     names = [
         entry.name
@@ -72,7 +73,7 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     problem, loop = batch.problem, batch.problem.loop
     parts = _parts(problem)
     intervals = len(problem.times) - 1
-    has_every_tick = loop.vehicle.control is not None and parts == 1
+    has_every_tick = loop.vehicle.control is not None and parts == 1 and not loop.vehicle.moving
     is_random = problem.errors is not None and parts > 1
     if isinstance(loop.controller, RunsCode) or has_every_tick or is_random:
         return

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import simpson, solve_ivp
 from small_experiment import mapping
 
 from eqt_cli.api import load_experiment
@@ -58,3 +58,34 @@ def test_rows_too_far_apart_are_told_with_a_number_that_does(samples):
 def test_rows_that_are_near_enough_are_not_told():
     assert errors(401).max() < 0.005
     assert row_errors(experiment(401)) == {}
+
+
+@pytest.mark.ci("solves runs at thousands of samples")
+def test_a_lag_moves_the_torque_between_ticks_that_are_rows():
+    """Rows at ticks miss ∫τ² of a lag τ′ = (u − τ)/T, whose commands u are held for a tick h."""
+    h, T, count, parts = 0.2, 0.1, 21, 200
+    state, torque = np.array([ANGLE, 0.0, -2 * KP * np.sin(ANGLE)]), []
+    for _ in range(count - 1):
+        u = -2 * KP * np.sin(state[0]) - KD * state[1]
+        t = np.linspace(0, h, parts + 1)
+        held = solve_ivp(
+            lambda t, x, u=u: [x[1], x[2] / J, (u - x[2]) / T],
+            (0, h),
+            state,
+            t_eval=t,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        torque.extend(held.y[2][:-1])
+        state = held.y[:, -1]
+    squares = np.array([*torque, state[2]]) ** 2
+    exact = simpson(squares, dx=h / parts)
+    error = abs(simpson(squares[::parts], dx=h) / exact - 1)
+    with_lag = {
+        "control": {"period": h},
+        "actuators": [{"kind": "lag", "time_constant": T}],
+        "time": {"duration": h * (count - 1), "samples": count},
+    }
+    said = row_errors(experiment(count, **with_lag))
+    assert said["row_error"] >= 0.99 * error > 0.01
+    assert row_errors(experiment(count, **{**with_lag, "actuators": []})) == {}
