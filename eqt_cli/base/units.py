@@ -98,7 +98,7 @@ _TERM = rf"(?:sqrt\((?:{_SYMBOL})\)|(?:{_SYMBOL})(?![A-Za-z])(?:\^-?[0-9])?)"
 _PRODUCT = rf"{_TERM}(?:(?: */ *| +){_TERM})*"
 _UNIT = rf"(?:\({_PRODUCT}\)(?:\^-?[0-9])?(?:(?: */ *| +){_TERM})*|{_PRODUCT})"
 _FACTOR = rf"(/?) *(sqrt\()?({_SYMBOL})(?![A-Za-z])\)?(?:\^(-?\d))?"
-_NUMBER_AND_UNIT = re.compile(rf"(.*?(?:[\d.)]|\bpi))(?: +(?=1)| *(?!1))({_UNIT})\s*")
+_NUMBER_AND_UNIT = re.compile(rf"(.*?(?:[\d.)]|\bpi|\bt(?= )))(?: +(?=1)| *(?!1))({_UNIT})\s*")
 
 
 def _spelled(text: str) -> str:

@@ -85,7 +85,7 @@ def _noted(experiment: Experiment, shown: Horizon | None, runs: bool) -> list[In
     for more in functions_for(purposes.remarks_on_an_experiment):
         placed += more(experiment, shown)
     # A constant of another unit explains what is said of the whole actuator.
-    explained = {key[:-1] for key, _ in placed if key[-1] == "thrust_constant"}
+    explained = {key[:-1] for key, _ in placed if key[-1] in ("thrust_constant", "density")}
     shortened = ((key, text) for key, text in placed if key not in explained)
     return [experiment.document.problem(key, text) for key, text in shortened]
 

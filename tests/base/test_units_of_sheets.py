@@ -5,6 +5,7 @@ import math
 import pytest
 
 from eqt_cli.base.option_types import Written, number_of
+from eqt_cli.base.units import split
 
 DEGREE, G = math.pi / 180, 9.80665
 
@@ -36,3 +37,8 @@ def test_an_unknown_unit_is_refused_with_those_that_do(text, unit, offered):
         number_of(Written(text, [unit]))
     assert text in str(refused.value) and "operator" not in str(refused.value)
     assert all(words in str(refused.value) for words in offered)
+
+
+def test_a_unit_may_stand_behind_the_time():
+    assert split("30*t deg") == ("30*t", "deg")
+    assert split("2*th") is None  # a name, not t in hours

@@ -141,7 +141,10 @@ def _of_another_unit(experiment: Experiment) -> Placed:
         pushes = np.asarray(member.part.matrix) * np.maximum(np.abs(low), np.abs(high))
         parts = member.wanted @ inverse @ pushes
         rates = np.maximum(*(np.maximum(sign * parts, 0.0).sum(axis=-1) for sign in (1, -1)))
+        moments = [*_of_moments(key, written, member.part, experiment.group)]
         for name, rate in zip(member.names, rates, strict=True):
+            if moments and "torque" in name:
+                continue  # the moments explain it
             most = FASTEST[name.partition(" ")[0]]
             if rate > most:
                 unit = "rad/s²" if "torque" in name else "m/s²"
@@ -157,7 +160,7 @@ def _of_another_unit(experiment: Experiment) -> Placed:
                     f"{unit}{by_weight}; check its unit and its exponent{speed}",
                 )
                 break
-        yield from _of_moments(key, written, member.part, experiment.group)
+        yield from moments
         turned = [one for one in written.thrusters or () if abs(one.turns) == 1.0]
         if turned and written.moment_constant is None:
             yield (
