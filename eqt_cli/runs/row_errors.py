@@ -17,7 +17,7 @@ from eqt_cli.results.metrics import INTEGRALS, peak, settling_time
 from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.batches import Batch, batches
 from eqt_cli.runs.compute_part import functions_of
-from eqt_cli.runs.folder import measured_of, stored_quantities
+from eqt_cli.runs.folder import stored_quantities
 
 TOLD = 0.0075
 """Relative error from which it is told, which the proposed number of samples stays below. That of a
@@ -77,8 +77,9 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     is_random = problem.errors is not None and parts > 1
     if isinstance(loop.controller, RunsCode) or has_every_tick or is_random:
         return
-    rows = [x for x in measured_of(batch.experiment) if x.name in names and _of(x) in JUDGED]
     function, reduction = functions_of(batch, names)
+    rows = [row for row in reduction.metrics if row.name in names and _of(row) in JUDGED]
+    reduction = replace(reduction, metrics=tuple(rows))
     width = loop.group.size**2 + loop.group.dimension
     begins = problem.times
     per_step = PER_STEP / (1 if isinstance(batch.engine, Compiled) else EVALUATIONS)
@@ -94,13 +95,14 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
         sampled = evaluate(
             batch.engine, function, finer, solution.states, np.zeros((len(times), width))
         )
-        numbers = {
-            step: reduction(
-                SampledRuns(times[::step]), {name: x[:, ::step] for name, x in sampled.items()}
-            )
-            for step in range(1, parts + 1)
-            if parts % step == 0
-        }
+        with np.errstate(all="ignore"):  # few samples may leave one in a window: NaN
+            numbers = {
+                step: reduction(
+                    SampledRuns(times[::step]), {name: x[:, ::step] for name, x in sampled.items()}
+                )
+                for step in range(1, parts + 1)
+                if parts % step == 0
+            }
         errors = {
             row.name: {
                 step: _relative(values[row.name], numbers[1][row.name], _least(row, sampled, times))
