@@ -248,7 +248,8 @@ def at_ends(law: JudgedLaw, task: Task) -> list[str]:
     ends, judged = [], law.tasks[task.name]
     for key, written in shipped.over(task).items():
         axis = range_of(parsed(written), Problems())
-        best = [values[key] for values in judged.values if values is not None]
+        # A pack may hold other keys, or lists.
+        best = [v[key] for v in judged.values if v and isinstance(v.get(key), float)]
         if axis is None or axis.times:
             continue
         at = [
