@@ -104,6 +104,11 @@ def body_of(v: Vehicle, request: Request) -> Body:
             f"{request.path}: no rotor, thruster or water is in the file, so that nothing says how "
             "the body moves; give --vehicle satellite, quadrotor or auv"
         )
+    if v.floats and kind != "satellite":
+        v.notes.append(
+            f"{request.path}: no gravity acts in the file, but the vehicle is weighed, since it is "
+            f"called {kind}; where no gravity acts, set plant.restoring to null"
+        )
     origin = np.zeros(3) if kind == "auv" else centre
     along = np.array([rotor.along for rotor in v.rotors]).reshape(-1, 3)
     total = along.sum(axis=0)

@@ -87,6 +87,11 @@ def test_refuses_an_mjcf(tmp_path, old, new, said):
         assert word in message
 
 
+def test_a_vehicle_that_is_weighed_although_its_file_has_no_gravity(imported):
+    off = X.replace("<worldbody>", '<option><flag gravity="disable"/></option><worldbody>', 1)
+    assert "no gravity acts" in imported(off, "cross.xml", kind="quadrotor")[0]
+
+
 @from_yaml
 def test_notes_what_an_mjcf_says(imported, old, new, said):
     assert old in X
