@@ -97,7 +97,7 @@ def test_states_are_those_of_a_plain_program(solved, engine):
     n, found = y[:, -4:], signals(problem.loop.now(s))
     np.testing.assert_allclose(s.Q[0].reshape(-1, 9), y[:, :9], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0], y[:, 9:12], rtol=0, atol=1e-9)
-    # Speeds are up to 120 rad/s: 2e-9 of these (1.3e-9 was seen, of native where a speed turns).
+    # Speeds are up to 120 rad/s: 2e-9 of these; native is 1.3e-9 off at one sample, cause unknown.
     np.testing.assert_allclose(found["propeller_speed"][0], n, rtol=0, atol=240e-9)
     f = [[thrust(row[i], i) for i in range(4)] for row in n]
     np.testing.assert_allclose(found["thrust"][0], f, rtol=0, atol=1e-9)
