@@ -4,6 +4,7 @@ import numpy as np
 import plain_thrusters as plain
 import pytest
 import yaml
+from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
@@ -93,12 +94,16 @@ def test_states_are_those_of_a_plain_program(solved, engine):
     Q = plain.plain.exp("SE2", START)
     y = program.start(Q, START[::-1], np.eye(3), np.zeros(3))
     y[-4:] = program.asked(program.law(0.0, *program.split(y)[:4]))
-    y = program.run(y, TIMES)
+    # A speed crosses a kink where a thrust changes sign. There the step of SciPy errs by 1.6e-7
+    # rad/s at the tolerances of other plain programs; at these, steps of 1 ms agree.
+    law = lambda t, y: program.law(t, *program.split(y)[:4])  # noqa: E731
+    ends, tight = (TIMES[0], TIMES[-1]), {"rtol": 1e-13, "atol": 1e-15}
+    y = solve_ivp(program.field, ends, y, "DOP853", TIMES, args=(law, None), **tight).y.T
     n, found = y[:, -4:], signals(problem.loop.now(s))
     np.testing.assert_allclose(s.Q[0].reshape(-1, 9), y[:, :9], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0], y[:, 9:12], rtol=0, atol=1e-9)
-    # Speeds are up to 120 rad/s: 2e-9 of these; native is 1.3e-9 off at one sample, cause unknown.
-    np.testing.assert_allclose(found["propeller_speed"][0], n, rtol=0, atol=240e-9)
+    # Speeds are up to 120 rad/s; plain programs with other largest steps differ by 7e-9.
+    np.testing.assert_allclose(found["propeller_speed"][0], n, rtol=0, atol=12e-9)
     f = [[thrust(row[i], i) for i in range(4)] for row in n]
     np.testing.assert_allclose(found["thrust"][0], f, rtol=0, atol=1e-9)
     assert np.any(np.abs(n) < DEAD)
