@@ -448,7 +448,11 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
             if begins and rate * horizon > log(CERTAIN):
                 whole = along_reference(experiment, experiment.reference_over_horizon())
                 begins = len(whole.times) == 1
-                rate = _least_growth(linearised(loop, *whole))
+                with np.errstate(all="ignore"):
+                    linear = linearised(loop, *whole)
+                if not np.isfinite(linear.closed).all():
+                    continue
+                rate = _least_growth(linear)
             if rate * horizon > log(HOPELESS if begins else CERTAIN):
                 where = "where the reference begins" if begins else "wherever the reference is held"
                 yield (

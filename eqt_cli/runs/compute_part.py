@@ -684,7 +684,7 @@ BRIEF = 20_000
 """Most samples and control instants of all runs for which it pays to compile quickly."""
 
 
-def _is_brief(study: Study) -> bool:
+def is_brief(study: Study) -> bool:
     """Return whether compiled code takes less time to run than it takes to be compiled well."""
     times, period = study.base.times, study.base.loop.period
     return bool(study.plans.total * (len(times) + times[-1] / (period or np.inf)) <= BRIEF)
@@ -771,7 +771,7 @@ class PartTask:
         index, part = self.part(item)
         piece, shared = self.study.piece(index), self.shared(index)
         try:
-            with hurried(_is_brief(self.study)):
+            with hurried(is_brief(self.study)):
                 slab = compute_part(piece, part, shared, context, self.stopped.get(item))
         except StoppedPart as stopped:
             if runs := int(stopped.slab.ended.sum()):
@@ -826,7 +826,7 @@ class PartTask:
             self.stopped.update((item, path) for item, (path, _) in self.files.stopped().items())
         base, piece = self.study.base, self.study.piece(0)
         kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
-        with hurried(_is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
+        with hurried(is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
             if threads and isinstance(base.engine, Compiled):
                 for label in kinds.values():
                     pool.submit(copy_context().run, _compile, piece, label)

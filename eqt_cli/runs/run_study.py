@@ -21,11 +21,11 @@ from eqt_cli.base.store_writer import Assembly
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Compiled
+from eqt_cli.engines.engine import Compiled, hurried
 from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
-from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, is_of
+from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, is_brief, is_of
 from eqt_cli.runs.executors import MOST_TRIES, Auto, Executor, Serial, Threads
 from eqt_cli.runs.folder import (
     CONFIG,
@@ -484,7 +484,8 @@ def _cross_checked(
     redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
     with timed(seconds, "cross-check"), step(CHECKING, redone):
         check = cross_check(study, *map(list, zip(*checked, strict=True)))
-        of_rows = row_errors(study)
+        with hurried(is_brief(study)):  # what the runs have compiled
+            of_rows = row_errors(study)
     fields = {} if check is None else asdict(check)
     of_check = {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
     return of_check | of_rows

@@ -128,7 +128,12 @@ def test_a_run_tells_how_far_it_is(eqt, monkeypatch):
     monkeypatch.setattr(output, "SHOW_AFTER", 0.0)
     monkeypatch.setattr(output, "LINE_EVERY", 0.0)
     monkeypatch.setattr("eqt_cli.runs.executors.LOOK_EVERY", 0.01)
-    longer = ["--set", "time.duration=40"]  # than the time between two looks
+    longer = [
+        "--set",
+        "time.duration=40",
+        "--set",
+        "time.samples=401",
+    ]  # than the time between two looks
     done = eqt("run", "c.yaml", "--set", "solver.block=1", "--set", "controllers=[eqt]", *longer)
     lines = done.err.splitlines()
     told = re.compile(r"\d/3 runs(, [\d.]+ runs/s)?(, [\d.]+ (s|min) left)?")

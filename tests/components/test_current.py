@@ -246,7 +246,7 @@ def eigenvalues(vehicle):
 
 
 @pytest.mark.needs("proofs")
-@pytest.mark.filterwarnings("ignore:.*acts on the drag only")
+@pytest.mark.filterwarnings("ignore:.*acts on the drag only", "ignore:.*is unstable")
 def test_margins_know_that_a_current_turns_a_vehicle_across():
     """Along a current a long vehicle is unstable, which drag alone does not show."""
     law_margins = eqt_cli.margins(held()).laws[0].growth.eigenvalue.real

@@ -42,7 +42,7 @@ class Measuring:
         sys.monitoring.set_events(self.tool, start)
 
     def _starts(self, code: CodeType, offset: int) -> object:
-        if code.co_filename.startswith(PACKAGE):
+        if PACKAGE and code.co_filename.startswith(PACKAGE):  # none while Python ends
             self.called.add(code)
         return sys.monitoring.DISABLE
 

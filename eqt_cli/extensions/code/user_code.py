@@ -823,7 +823,12 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
         answers.append(np.concatenate(function.call(0, values, period, memory, row[None]), axis=1))
     outputs = np.concatenate([answer[:, : function.code.returns] for answer in answers])
     lacks = np.flatnonzero(np.isnan(outputs).all(axis=0))
-    if len(lacks) and not (function.code.fails and len(lacks) == function.code.returns):
+    if len(lacks) == function.code.returns and not function.code.fails:
+        raise InputError(
+            f"{function.processes.name} gives no number at any state that was tried; write "
+            f"{function.code.returns} of them, and give what it divides by as `numbers`"
+        )
+    if 0 < len(lacks) < function.code.returns:
         raise InputError(
             f"{function.processes.name} writes {function.code.returns - len(lacks)} of "
             f"{function.code.returns} numbers: its output {lacks[0]} is none at any state that was "

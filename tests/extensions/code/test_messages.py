@@ -82,7 +82,8 @@ def test_code_that_changes_the_process_or_reads_files_is_refused(written, config
 def test_names_of_its_own_are_its_own(written, config):
     """As in other programs: a variable, a field, a function and a text are no call."""
     own = "static double signal; static void alarm(void) { signal = 2; }"
-    use = 'struct { double close; } x = {1}; alarm(); torque[0] = signal * x.close * *"raise";'
+    use = "struct { double close; } x = {1}; alarm();"
+    use += 'torque[0] = torque[1] = torque[2] = signal * x.close * *"raise";'
     written(body=use, more=own)
     eqt_cli.load_experiment(config())
 

@@ -39,20 +39,21 @@ def test_solve_ivp_calls_it_at_any_time(written, config, tmp_path):
 
 def test_numbers_that_are_not_given_are_the_defaults_of_the_file(written, config):
     written(
-        more="const lee_numbers lee_defaults = {3.0, 5.0, {0}};", body="torque[0] = n->kR * n->kW;"
+        more="const lee_numbers lee_defaults = {3.0, 5.0, {0}};",
+        body="torque[0] = n->kR * n->kW; torque[1] = torque[2] = 0;",
     )
     loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).base.loops["ours"]
     assert _torque(loop)[0, 0] == 35.0
 
 
 def test_without_defaults_they_are_0(written, config):
-    written(body="torque[0] = n->kR + n->kW;")
+    written(body="torque[0] = n->kR + n->kW; torque[1] = torque[2] = 0;")
     loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).base.loops["ours"]
     assert _torque(loop)[0, 0] == 7.0
 
 
 def test_the_period_of_control_is_set(written, config):
-    written(("J[3]", "J[3], period"), body="torque[0] = n->period;")
+    written(("J[3]", "J[3], period"), body="torque[0] = n->period; torque[1] = torque[2] = 0;")
     loop = eqt_cli.load_experiment(config()).base.loops["ours"]
     assert _torque(loop)[0, 0] == 0.02
 
@@ -62,7 +63,7 @@ def test_memory_starts_as_the_file_says_and_goes_on_by_itself(written, config):
     written(
         ("real unused;", "real count[3];"),
         more=f"{start}\n{{ m->count[1] = 5; }}",
-        body="torque[1] = m->count[1]; m->count[1] += 1;",
+        body="torque[0] = torque[2] = 0; torque[1] = m->count[1]; m->count[1] += 1;",
     )
     own = {"as": None, "memory": ["count"]}
     loop = eqt_cli.load_experiment(config(**own)).base.loops["ours"]
@@ -120,7 +121,7 @@ def test_the_text_is_what_the_preprocessor_reads(written, config):
     for gain in (1.0, 9.0):
         written(
             more='#define F "sub/gain.h"\n#include F\n/* off:\n#include "old.h"\n*/',
-            body="torque[0] = GAIN;",
+            body="torque[0] = torque[1] = torque[2] = GAIN;",
         )
         Path("sub").mkdir(exist_ok=True)
         Path("sub/gain.h").write_text('#include "../unit.h"\n', encoding="utf-8")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
 from exported_laws import FLAGS, checked, compilers, library, made, written
-from said import says
+from said import mentions, says
 
 import eqt_cli
 from eqt_cli.extend import EqtError
@@ -174,11 +174,11 @@ def test_a_plugin_has_the_functions_that_it_calls(config, export_plugin, real):
 
 def test_a_law_that_cannot_be_traced_says_why(export_plugin):
     done = export_plugin("if s.V_tilde[..., 0].max() > 1 else s.V_tilde", code=2)
-    assert done.stderr.endswith(
+    assert mentions(
+        done.stderr,
         "eqt: error: controller 'careful' cannot be compiled: TypeError: '>' not supported between "
         "instances of 'Symbol' and 'int' at careful.py:13: return -2.0 * s.V_tilde if s.V_tilde["
-        "..., 0].max() > 1 else s.V_tilde; write it with operators, @ and the functions of "
-        "eqt_cli.base.arrays, or use `engine: solve_ivp`\n"
+        "..., 0].max() > 1 else s.V_tilde; …functions of eqt_cli.extend, or use…",
     )
 
 
