@@ -557,12 +557,13 @@ class RunsCode(Controller):
     Attributes
     ----------
     in_order
-        Whether it answers in the order of time only, from the start of a run on.
+        Where it answers in the order of time only, from the start of a run on: the most runs that
+        an engine calls it for side by side, which may take a process each.
     metrics
         The metrics that results hold of it by default, by name.
     """
 
-    in_order: ClassVar[Any] = False
+    in_order: ClassVar[Any] = 0
     metrics: ClassVar[Any] = ()
 
     def drained(self) -> list[float]:

@@ -20,7 +20,6 @@ from eqt_cli.base.stored import THRUSTER, SmallErrors
 from eqt_cli.components.forces import Force, weighed
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
-from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle, navigates, without_inner
 from eqt_cli.config.document import value_at
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
@@ -498,7 +497,7 @@ def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
         label: loop
         for label, loop in experiment.loops.items()
         if len(along.times) * loop.state_length**2 <= MOST_ENTRIES
-        and not (isinstance(loop.controller, RunsCode) and loop.controller.in_order)
+        and not getattr(loop.controller, "in_order", 0)
     }
 
 

@@ -584,8 +584,7 @@ def lost_calls(problem: Problem, t: float) -> dict[int, Failure | None]:
 
     None for one that only shared a process with another.
     """
-    law = problem.loop.controller
-    lost = law.lost_calls() if isinstance(law, RunsCode) else {}
+    lost: Mapping[int, str] = getattr(problem.loop.controller, "lost_calls", dict)()
     return {
         run: Failure(Status.NO_ANSWER, words, t) if words else None for run, words in lost.items()
     }
@@ -860,6 +859,8 @@ class Engine(Component):
         """
         threads = workers if isinstance(self, Compiled) else 1
         groups = self.groups(problem, threads)
+        if most := getattr(problem.loop.controller, "in_order", 0):
+            groups = [part for x in groups for part in np.array_split(x, -(-len(x) // most))]
         solution = walked(self.integrator(problem), groups, progress, threads)
         if problem.loop.vehicle.control is not None:
             _find_diverged(problem, solution)

@@ -347,6 +347,10 @@ def adapter_in(file: Path, G: MatrixLieGroup, options: Mapping[str, Any]) -> Ada
 TORQUE = "_torque"
 """Suffix of the function's name."""
 
+MOST_RUNS = 32
+"""Most runs whose objects are called side by side in a thread: an idle process of one takes 2 MB of
+its own with NumPy, and what the object takes."""
+
 OF_CASADI = "a function of CasADi needs an adapter that names its inputs, and keeps nothing"
 
 CASADI = "casadi:"
@@ -559,7 +563,7 @@ class Code(_Numbers, RunsCode, Previews):
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
-            how: Any = {"per_run": self.in_order, "repeats": not self.in_order}
+            how: Any = {"per_run": bool(self.in_order), "repeats": not self.in_order}
             how |= {"call": self._adapted.call, "torque": self._adapted.output.torque}
             return law.calling(called(code, numbers, PERIOD, rows, how), G), {self.file: text}
         return None, {self.file: text}
@@ -722,9 +726,9 @@ class Code(_Numbers, RunsCode, Previews):
         return with_fields(self, holds=False, flies=False)
 
     @property
-    def in_order(self) -> bool:
-        """Whether each run has an object, which answers in the order of time."""
-        return self.object_ is not None
+    def in_order(self) -> int:
+        """Where each run has an object, which answers in the order of time: the most processes."""
+        return 0 if self.object_ is None else MOST_RUNS
 
     @property
     def metrics(self) -> tuple[str, ...]:

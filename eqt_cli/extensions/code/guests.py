@@ -102,7 +102,11 @@ class Guest:
         os.set_blocking(self._in, False)
         self._answers = select.poll()
         self._answers.register(self._out, select.POLLIN)
-        how: dict[str, Any] = {"seconds": SECONDS, "lives": self.lives}
+        how: dict[str, Any] = {
+            "seconds": SECONDS,
+            "lives": self.lives,
+            "waits": 0.9 * WAITS * SECONDS,
+        }
         file = nullcontext(Path())
         with file if self.content is None else compiler.as_file(self.content) as library:
             if self.content is not None:
@@ -361,7 +365,7 @@ class Pool:
                     waiting = waiting[len(some) :]
                     answers |= {k: row for k, row in zip(some, said["rows"], strict=True) if row}
                     for k, words in said["lost"].items():
-                        calls.lost[some[int(k)]] = f"{self.name}: {words}"
+                        calls.lost[some[int(k)]] = words
                     self._keep(said)
         return answers, calls.lost
 

@@ -5,16 +5,21 @@ a law in Python, lines with rows of numbers, memory and inputs follow; of one in
 whose rows both processes see. Each is answered by a line.
 """
 
+from __future__ import annotations
+
 import ctypes
 import inspect
 import json
 import mmap
 import os
+import select
 import signal
 import struct
 import sys
 import time
 import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from math import nan, prod
 from types import ModuleType, SimpleNamespace
@@ -30,8 +35,24 @@ CAST = getattr(ctypes, "_cast_addr", None)
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
+OURS: list[str] = []
+"""Events of this program itself, while it starts or ends the process of a run."""
+
+
+@contextmanager
+def allowed(event: str) -> Iterator[None]:
+    """Do what a law may not."""
+    OURS.append(event)
+    try:
+        yield
+    finally:
+        OURS.remove(event)
+
+
 def refuse(event: str, about: tuple[Any, ...]) -> None:
     """Raise a `PermissionError` for what a law may not do; an audit hook, which nothing removes."""
+    if event in OURS:
+        return
     opens = event == "open" and (set(str(about[1])) & set("wax+") or about[2] & WRITES)
     changes = event.startswith(CHANGES) and event not in HARMLESS
     casts = event == "ctypes.call_function" and about[0] == CAST
@@ -127,6 +148,155 @@ class Library:
             answers.write(b"\n")
 
 
+class RunProcess:
+    """The process of one run, which answers a line of JSON by another one.
+
+    It is a fork of this process, and shares with it and with other runs nothing that a call
+    changes: neither names of imported modules nor variables of compiled ones. Where forks cannot
+    be had, as on Windows, there are none of these processes.
+
+    Parameters
+    ----------
+    serve
+        Called in that process with the pipes that it reads and writes: it answers to lines until
+        no more come, or lets a program take its place.
+    closes
+        Ends of other pipes, which that process does not hold open.
+    patience
+        Time by the clock after which an answer is given up, s.
+    """
+
+    def __init__(
+        self,
+        serve: Callable[[int, int], None],
+        closes: Iterable[int],
+        patience: float,
+        seconds: float,
+    ) -> None:
+        request_pipe, answer_pipe = os.pipe(), os.pipe()
+        self.patience, self.seconds, self.calls = patience, seconds, 0
+        with allowed("os.fork"):
+            self.number = os.fork()
+        if self.number == 0:
+            code = 1
+            try:
+                for end in (request_pipe[1], answer_pipe[0], *closes):
+                    os.close(end)
+                serve(request_pipe[0], answer_pipe[1])
+                code = 0
+            finally:
+                os._exit(code)
+        os.close(request_pipe[0])
+        os.close(answer_pipe[1])
+        self.ends, self.answer = (request_pipe[1], answer_pipe[0]), list[float]()
+        self.latest: list[float] | None = None
+        self.waiting = select.poll()
+        self.waiting.register(answer_pipe[0], select.POLLIN)
+
+    def ask(self, what: Any) -> Any:
+        """Return its answer; raises a `RunEnded` that says how it ended instead."""
+        said = b""
+        try:
+            line = json.dumps(what).encode() + b"\n"
+            while line:
+                line = line[os.write(self.ends[0], line) :]
+            while not said.endswith(b"\n"):
+                if not self.waiting.poll(1000 * self.patience):
+                    self.end()
+                    raise RunEnded(f"gave no answer within {self.patience:g} s")
+                if not (more := os.read(self.ends[1], 2**16)):
+                    raise BrokenPipeError
+                said += more
+        except BrokenPipeError:
+            raise RunEnded(self.ending()) from None
+        return json.loads(said)
+
+    def ending(self) -> str:
+        """End it; return in words how it ended."""
+        code = os.waitstatus_to_exitcode(self.end(waits=1.0))
+        if code == -signal.SIGPROF:
+            return f"did not return within {self.seconds:g} s"
+        if code == -signal.SIGKILL:
+            return "was killed, perhaps for lack of memory"
+        if code < 0:
+            return f"crashed ({signal.Signals(-code).name})"
+        return f"ended the process with code {code}"
+
+    def end(self, waits: float = 0.0) -> int:
+        """Return the status with which it ends; it may end by itself within some time, s."""
+        for end in self.ends:
+            os.close(end)
+        until = time.monotonic() + waits
+        while (ended := os.waitpid(self.number, os.WNOHANG))[0] == 0:
+            if time.monotonic() >= until:
+                with allowed("os.kill"):
+                    os.kill(self.number, signal.SIGKILL)
+                return os.waitpid(self.number, 0)[1]
+            time.sleep(0.002)
+        return ended[1]
+
+
+class RunEnded(ValueError):
+    """The process of a run ended in a call; its argument says how."""
+
+
+class Runs:
+    """The processes of runs, each of which is asked in the order of time.
+
+    Parameters
+    ----------
+    begin
+        Return the process of a run of these numbers.
+    lives
+        How many processes had these runs before this one.
+
+    Attributes
+    ----------
+    there
+        By the numbers of their runs, each with its calls, its last row and its answer.
+    """
+
+    def __init__(self, begin: Callable[[list[float]], RunProcess], lives: int) -> None:
+        self.begin, self.started, self.most = begin, lives * ONE_LIFE, FEWEST
+        self.there = dict[int, RunProcess]()
+
+    def ask(self, row: list[float], at: int, how: dict[str, Any]) -> tuple[list[float], Any]:
+        """Return what the process of a run answers to a row, and what else it says.
+
+        Parameters
+        ----------
+        at
+            How many numbers of the run the row begins with; the run and its calls follow.
+        """
+        number, calls = (round(x / TINY) for x in row[at : at + 2])
+        if not number:
+            self.started += 1
+            number = self.started * how["processes"] + how["process"] + 1
+            self.most = max(self.most, how["keeps"])
+            for oldest in list(self.there)[: -self.most + 1]:
+                self.there.pop(oldest).end()
+            self.there[number] = self.begin(row[:at])
+        if (run := self.there.pop(number, None)) is None:
+            raise OutOfOrder
+        said: Any = {}
+        if run.latest is None or run.latest != row[at + 1 :]:
+            if run.calls != calls:
+                run.end()
+                raise OutOfOrder
+            said = run.ask({"row": row[at + 2 :], "period": how["period"]})
+            if "lost" in said:
+                run.end()
+                return [], said
+            run.calls, run.latest = calls + 1, row[at + 1 :]
+            run.answer = [*said["torque"], number * TINY, run.calls * TINY]
+        self.there[number] = run
+        return list(run.answer), said
+
+    def ends(self) -> list[int]:
+        """Return the ends of the pipes to all."""
+        return [end for run in self.there.values() for end in run.ends]
+
+
 class Law:
     """A text that was executed, and the object that it makes.
 
@@ -140,14 +310,14 @@ class Law:
         The last error of a call, and its words.
     seconds
         CPU time of each call since the last answer, s.
-    objects
-        With one for each run: by their numbers, the object, its calls, its last row and answer.
+    runs
+        With an object for each run, their processes.
     """
 
-    def __init__(self, request: dict[str, Any], board: Board) -> None:
+    def __init__(self, request: dict[str, Any], board: Board, pipes: tuple[int, ...]) -> None:
         self.request, self.numbers, self.seconds = request, [nan], list[float]()
         self.board = board
-        self.objects, self.started = dict[int, list[Any]](), request["lives"] * ONE_LIFE
+        self.runs, self.pipes = Runs(self.process_of, request["lives"]), pipes
         self.error: Exception | None = None
         self.reason = ""
         # Python's own way to start processes, of which no hook is told.
@@ -157,11 +327,11 @@ class Law:
         self.text = compile(request["text"], request["file"], "exec")
         board.begin(-1)
         self.execute()
-        self.make(request["values"])
-        self.memory = {name: np.shape(value) for name, value in self.first.items()}
-        self.try_out(request["trial"], {"starts": False, "period": request["period"], "keeps": 1})
+        self.memory: dict[str, Any] = {}
         if request["per_run"]:
-            self.memory = {OBJECT: (2,)}
+            self.try_in_run()
+        else:
+            self.begin(request["values"], request["trial"])
 
     def serve(self, requests: Any, answers: Any) -> None:
         """Answer to the rows of each request by a line, until no more come."""
@@ -184,8 +354,21 @@ class Law:
         except OutOfOrder:
             raise
         except BaseException as error:  # such as SystemExit
-            lost[place] = described(error, self.request["file"])
+            lost[place] = self.lost(error)
             return None
+
+    def lost(self, error: BaseException) -> str:
+        """Return in words what the law did."""
+        name, file = self.request["function"], self.request["file"]
+        if isinstance(error, RunEnded):
+            return f"{name} in {file} {error}"
+        return f"{name} in {file}: {described(error, file)}"
+
+    def begin(self, values: list[float], trial: list[list[float]]) -> None:
+        """Make the object, and try it out."""
+        self.make(values)
+        self.memory = {name: np.shape(value) for name, value in self.first.items()}
+        self.try_out(trial, {"starts": False, "period": self.request["period"], "keeps": 1})
 
     def execute(self) -> None:
         """Execute the text as a module of its own."""
@@ -278,27 +461,53 @@ class Law:
         return [np.ravel(real(self.state[name], f"memory {name}")) for name in self.memory]
 
     def after_in_run(self, row: list[float], at: int, how: dict[str, Any]) -> list[float]:
-        """Return what the object of a run answers, which is made at the first call of the run."""
-        number, calls = (round(x / TINY) for x in row[at : at + 2])
-        if not number:
-            self.started += 1
-            number, self.numbers = self.started * how["processes"] + how["process"] + 1, [nan]
-            self.execute()
-            self.make(row[:at])
-            self.objects[number] = [self.function, self.object, self.parameters, self.names, 0]
-            self.objects[number] += None, None
-        *run, next_call, latest, answer = self.objects.pop(number, [None] * 7)
-        if latest is None or latest != row[at + 1 :]:
-            if next_call != calls:
-                raise OutOfOrder
-            self.function, self.object, self.parameters, self.names = run
-            torque = self.torque(row[at + 2 :], how["period"])
-            answer = [*torque, number * TINY, (calls + 1) * TINY]
-            run += calls + 1, row[at + 1 :], answer
-        self.objects[number] = run if len(run) == 7 else [*run, next_call, latest, answer]
-        for oldest in list(self.objects)[: -max(FEWEST, how["keeps"])]:
-            del self.objects[oldest]
-        return list(answer)
+        """Return what the object of a run answers, which its process makes at its first call."""
+        answer, said = self.runs.ask(row, at, how)
+        if "lost" in said:
+            raise ValueError(said["lost"])
+        self.seconds += said.get("seconds", ())
+        self.reason = said.get("reason") or self.reason
+        return answer
+
+    def try_in_run(self) -> None:
+        """Try it out in the process of a run, which takes what the import has left."""
+        count = len([*os.scandir("/proc/self/task")]) - 1 if sys.platform == "linux" else 0
+        if count:
+            raise ValueError(
+                f"its import starts {count} thread{'s' if count > 1 else ''}, which the process of "
+                "a run does not have; start them where the object is made"
+            )
+        first = self.process_of(self.request["values"])
+        said = first.ask({"trial": self.request["trial"]})
+        first.end()
+        if "lost" in said:
+            raise ValueError(said["lost"])
+        self.seconds, self.memory = said["seconds"], {OBJECT: (2,)}
+
+    def process_of(self, values: list[float]) -> RunProcess:
+        """Return a process for a run, whose object is made by its first request."""
+
+        def serve(reads: int, writes: int) -> None:
+            with allowed("open"):
+                requests, answers = os.fdopen(reads, "rb"), os.fdopen(writes, "wb", 0)
+            self.numbers, self.memory = [nan], {}
+            for what in map(json.loads, requests):
+                self.seconds, said = list[float](), dict[str, Any]()
+                signal.setitimer(signal.ITIMER_PROF, self.board.seconds)
+                try:
+                    if "trial" in what:
+                        self.begin(values, what["trial"])
+                    else:
+                        self.make(values)
+                        said["torque"] = list(self.torque(what["row"], what["period"]))
+                except BaseException as error:  # such as SystemExit
+                    said["lost"] = described(error, self.request["file"])
+                signal.setitimer(signal.ITIMER_PROF, 0)
+                said |= {"seconds": self.seconds, "reason": self.reason}
+                answers.write(json.dumps(said).encode() + b"\n")
+
+        ends, how = (*self.pipes, *self.runs.ends()), self.request
+        return RunProcess(serve, ends, how["waits"], how["seconds"])
 
 
 class OutOfOrder(ValueError):
@@ -375,7 +584,9 @@ def main() -> None:
     first = next(lines)
     board.seconds = first["seconds"]
     try:
-        law = (Library if "library" in first else Law)(first, board)
+        pipes = requests.fileno(), answers.fileno()
+        library = "library" in first
+        law: Any = Library(first, board) if library else Law(first, board, pipes)
         answers.write(json.dumps({"memory": law.memory}).encode() + b"\n")
     except Exception as error:
         answers.write(json.dumps({"error": described(error, first["file"])}).encode() + b"\n")

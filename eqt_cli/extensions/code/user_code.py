@@ -846,7 +846,7 @@ class PythonFunction(CodeFunction):
     def _answer(self, begins: int, period: float, arrays: Sequence[Array]) -> dict[int, str]:
         numbers, memory, inputs, torques = arrays
         rows, pool = np.hstack([numbers, memory, inputs]), self.processes
-        how = {"starts": bool(begins & STARTS), "period": period, "keeps": 2 * len(rows)}
+        how = {"starts": bool(begins & STARTS), "period": period, "keeps": len(rows)}
         are_called = np.ones(len(rows), dtype=bool)
         if begins & SKIPS:
             are_called = np.isfinite(rows).all(axis=1)
