@@ -82,8 +82,7 @@ def live(
         refuse_foreign(loop, label)
     wasm.command()
     words = ["eqt", "run", config.name if config.is_absolute() else str(config)]
-    for key, value in overrides.items():
-        words += ["--set", f"{key}={flow(value)}"]
+    words += [f"--set={key}={flow(value)}" for key, value in overrides.items()]
     words += _engine(study)
     load = experiments(study.document)
     is_result = (config / FILE_NAME).exists() or config.suffix == ".h5"
@@ -91,16 +90,19 @@ def live(
         if is_result and not overrides:
             result = opened.enter_context(open_at(config))
             load = for_a_page(load, result["status"].shape[1])
-            ready = LivePage(load, result, words).made_ready(keys)
+            ready = LivePage(load, result, words, study.base.config.ensemble.runs).made_ready(keys)
         else:
             # What cannot go live is refused before anything runs.
             load = for_a_page(load)
             experiment = load({"store.trajectories": 1})
             form = opened.enter_context(blank_result(experiment))
-            ready = LivePage(load, form, words).made_ready(keys)
+            ready = LivePage(load, form, words, study.base.config.ensemble.runs).made_ready(keys)
             folder = opened.enter_context(tempfile.TemporaryDirectory())
             run(experiment, folder, workers=workers)
             result = opened.enter_context(open_at(folder))
+        if ready.runs < ready.of_runs:
+            some = f"{config}: the page has the first {ready.runs} of {ready.of_runs} runs"
+            reporter().remark(EqtWarning(some))
         text = ready.whole(result, title)
     write_all({out: text.encode()}, out.parent)
     return out
@@ -118,9 +120,12 @@ def report_part(result: Result, trusted: bool = False) -> dict[str, str]:
     wasm.command()
     load = experiments(document_of(result, trusted))
     # The report offers its configuration under this name.
-    words = ["eqt", "run", "config.yaml", *_engine(load({}))]
-    load = for_a_page(load, result["status"].shape[1])
-    return LivePage(load, result, words).made_ready({}).part(result)
+    study = load({})
+    words, runs = ["eqt", "run", "config.yaml", *_engine(study)], result["status"].shape[1]
+    load = for_a_page(load, runs)
+    return (
+        LivePage(load, result, words, study.base.config.ensemble.runs).made_ready({}).part(result)
+    )
 
 
 def _engine(experiment: Study) -> list[str]:

@@ -126,6 +126,8 @@ class LivePage:
         A result of the experiment; its numbers are not read.
     command
         The words of the command that runs the experiment in eqt.
+    of_runs
+        How many runs of each law the experiment has; a page may have the first of them.
 
     Raises
     ------
@@ -133,8 +135,10 @@ class LivePage:
         If the experiment cannot run in a page; it says why.
     """
 
-    def __init__(self, load: Experiments, form: Result, command: Sequence[str]) -> None:
-        self.load, self.command = load, command
+    def __init__(
+        self, load: Experiments, form: Result, command: Sequence[str], of_runs: int
+    ) -> None:
+        self.load, self.of_runs = load, of_runs
         self.study = load({})
         if self.study.base.config.failed_when:
             raise EqtError(
@@ -142,6 +146,11 @@ class LivePage:
                 "eqt run; leave it out by --set failed_when=null"
             )
         self.runs = min(runs_of(self.study), len(form["status"][0]))
+        self.command = list(command)
+        if self.runs < of_runs:
+            key = "--set=ensemble.runs="
+            self.command = [word for word in command if not word.startswith(key)]
+            self.command.append(f"{key}{self.runs}")
         self.panels = _panels(form)
         self.settles = [name for name in ("settled", "settling_time") if form.has(name)][:1]
         # Constraints are judged between samples, too, of which the program of a page knows none.
@@ -304,6 +313,7 @@ class LivePage:
             "numbers": packed,
             "index": index,
             "runs": runs,
+            "of_runs": self.of_runs,
             "solver": {
                 "rtol": engine.rtol * STEP_SHARE,
                 "atol": engine.atol * STEP_SHARE,
@@ -328,7 +338,7 @@ class LivePage:
             threshold = summary.in_words(result.config.get("settling_threshold"))
             symbol = result.quantity(name).symbol.plain or "the error"
             terms["settled"] = f"{symbol} ends below the settling threshold, {threshold}"
-        for column in summary.columns(result, self.panels):
+        for column in summary.columns(result, [*self.panels, *self.shown[len(self.settles) :]]):
             name = column["metric"]
             terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
         return terms

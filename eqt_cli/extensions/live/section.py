@@ -31,7 +31,7 @@ def check(document: Document) -> None:
     load = for_a_page(experiments(document))
     with blank_result(load({})) as form:
         try:
-            LivePage(load, form, []).try_keys(keys, problems)
+            LivePage(load, form, [], 0).try_keys(keys, problems)
         except EqtError as error:
             problems.add(str(error.args[0]), *error.remedies)
     problems.raise_if_any()

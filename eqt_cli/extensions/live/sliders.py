@@ -34,6 +34,9 @@ Range = str | Sequence[float] | None
 STEPS = 100
 """Least number of steps of a slider without a step of its own."""
 
+LINEAR = 100.0
+"""Largest ratio of the ends of a range whose values, without a step, are equally far apart."""
+
 MOST_VALUES = 2000
 MOST_KEYS = 12
 """Most values of a slider, and most sliders that a page has unasked."""
@@ -87,6 +90,8 @@ class Slider:
         low, high, step = _range(key, range_, unit) if range_ else _usual(key, base)
         if not low <= base <= high:
             raise EqtError(f"{key}: it is {base:g}, outside of its range {low:g} to {high:g}")
+        if not step and low > 0 and high > LINEAR * low:
+            return cls(key, _geometric(low, high, base), base, unit)
         step = step or _nice((high - low) / STEPS)
         count = math.floor((high - low) / step + 1e-9)
         if count > MOST_VALUES:
@@ -167,6 +172,16 @@ def _nice(step: float) -> float:
     """Return the next smaller step of 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(step))
     return max(k * power for k in (1, 2, 5) if k * power <= step * (1 + 1e-9))
+
+
+def _geometric(low: float, high: float, base: float) -> list[float]:
+    """Return values of equal ratios, but for rounding: to whole numbers where all three are."""
+    values = np.geomspace(low, high, STEPS + 1)[1:-1]
+    if all(float(x).is_integer() for x in (low, high, base)):
+        inner = {float(round(x)) for x in values}
+    else:
+        inner = {float(f"{x:.3g}") for x in values}
+    return sorted({x for x in inner if low < x < high} | {low, high, base})
 
 
 def usual_keys(data: Mapping[str, Any]) -> Iterator[str]:

@@ -157,6 +157,42 @@ def test_keyboard_moves_a_slider_and_the_link_holds_it(page, pages, browser):
     assert text(page, "#live-all") == table
 
 
+def test_a_typed_number_between_values_says_which_is_taken(page):
+    page.execute_script("eqtLive.fields['gains.kp'](1.2345)")
+    taken = page.execute_script("return eqtLive.setting['gains.kp']")
+    assert text(page, "#live-sliders .nearest") == f"nearest to 1.2345: {taken:g}"
+
+
+def test_a_link_to_a_setting_shows_what_is_configured_too(browser, pages):
+    page = opened(browser, pages("continuous")[1], fragment="#gains.kp=1.6")
+    seen = "return document.querySelector('#live-panels path.was').getAttribute('d')"
+    WebDriverWait(browser, 20).until(lambda page: page.execute_script(seen))
+    assert "Thin lines: as configured" in text(page, "#live-moment")
+
+
+def test_paper_has_the_command_of_the_setting(browser, pages):
+    page = opened(browser, pages("continuous")[1], fragment="#gains.kp=1.6")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        assert text(page, "#live-command").endswith("--set 'gains.kp=1.6'")
+        assert not page.find_element(By.ID, "live-play").is_displayed()
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
+def test_blocked_scripts_and_workers_are_told(browser, pages, tmp_path):
+    page = pages("continuous")[1].read_text(encoding="utf-8")
+    for policy, said in (
+        (("script-src 'unsafe-inline' 'wasm-unsafe-eval'; ", ""), "If it stays"),
+        (("worker-src blob:", "worker-src 'none'"), "blocks workers"),
+    ):
+        file = tmp_path / "blocked.html"
+        file.write_text(page.replace(*policy), encoding="utf-8")
+        browser.get(file.as_uri())
+        assert said in text(browser, "#live-check")
+    browser.get_log("browser")
+
+
 def test_a_law_is_hidden(page):
     page.find_element(By.CSS_SELECTOR, "#live-all input").click()
     curve = page.find_element(By.CSS_SELECTOR, "#live-panels path.curve")

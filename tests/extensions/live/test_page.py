@@ -1,7 +1,9 @@
 """The page as text: what it may do, what is in it, and what has no page."""
 
 import html
+import json
 import re
+import shlex
 
 import pytest
 from plugin_sources import ESCAPE, component
@@ -9,8 +11,8 @@ from said import says
 from small_experiment import configuration
 
 from eqt_cli import api
-from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.live import wasm
+from eqt_cli.base.errors import EqtError, EqtWarning
+from eqt_cli.extensions.live import document, wasm
 from eqt_cli.extensions.live.api import ranges
 
 SLOW = component("""
@@ -45,6 +47,23 @@ def test_page_may_run_its_program_and_nothing_else(folder, uncompiled):
     )
     assert "arXiv 2511.18800" in page  # a reader has the page alone
     assert not re.findall(r"(?:https?:)?//[\w.]+\.\w+/", page.replace("http://www.w3.org/", ""))
+
+
+@pytest.mark.ci("runs an experiment and traces its laws")
+def test_a_page_of_some_of_the_runs_says_so_and_its_command_gives_them(
+    folder, uncompiled, monkeypatch
+):
+    monkeypatch.setattr(document, "MOST_RUNS", 2)
+    with pytest.warns(EqtWarning, match="has the first 2 of 3 runs"):
+        page = written(folder, configuration(), overrides={"ensemble.runs": 3})
+    assert "The first 2 of 3 runs of each law" in page
+    data = json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+    words = shlex.split(data["command"])
+    assert words[:2] == ["eqt", "run"] and words[3:] == [
+        "--engine",
+        "native",
+        "--set=ensemble.runs=2",
+    ]
 
 
 @pytest.mark.ci("runs an experiment and traces its laws")

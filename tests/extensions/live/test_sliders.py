@@ -19,6 +19,14 @@ def test_values_are_round_and_have_the_ends_and_the_configured_one():
     assert slider.values == [0.2, 0.45, 0.7, 0.824, 0.95, 1.2, 1.3]
 
 
+def test_values_over_more_than_two_decades_have_equal_ratios():
+    values = np.array(sliders.Slider.of("gains.kp", 20, "0.01:1000").values)
+    assert values[0] == 0.01 and values[-1] == 1000 and 20.0 in values
+    ratios = np.diff(np.log(values)) / (np.log(1e5) / 100)
+    assert np.abs(ratios - 1).max() < 0.05  # three digits
+    assert all(x.is_integer() for x in sliders.Slider.of("gains.kp", 20, "1:1000").values)
+
+
 def test_values_are_the_doubles_that_a_configuration_would_have():
     values = Slider.of("gains.kp", 1.0, "0.1:10").values
     assert 0.7 in values and 0.30000000000000004 not in values

@@ -269,8 +269,8 @@ self.onmessage = async ({ data: message }) => {
         status: status.data.slice(),
       });
     } else if (experiment) {
-      const { id, setting, runs, whole } = message;
-      self.postMessage({ id, runs, whole, ...experiment.compute(setting, runs, whole) });
+      const { id, setting, runs, whole, before } = message;
+      self.postMessage({ id, runs, whole, before, ...experiment.compute(setting, runs, whole) });
     }
   } catch (error) {
     self.postMessage({ failed: String(error) });

@@ -8,7 +8,7 @@
    * @typedef {{ rotation: number[][], position: number[], frame: number[][], length: number,
    *   centre: number[], reach: number, ground: number[][][], inertial: [string, number[]][],
    *   view: number[], corners: number[][], faces: number[][], rotors: number[][][] }} Scene
-   * @typedef {{ id: number, setting: Record<string, number>, runs: number[], whole: boolean }} Job
+   * @typedef {{ id: number, setting: Record<string, number>, runs: number[], whole: boolean, before?: boolean }} Job
    * @typedef {{ numbers: Float64Array, kept: Float64Array[], ms: number } & Job} Answer
    */
 
@@ -96,12 +96,14 @@
       min: key.values[0],
       max: key.values[key.values.length - 1],
     });
+    const note = html("span", { class: "nearest", role: "status" });
     fields[key.key] = (value) => {
       const nearest = key.values.reduce(
         (best, x, i) => (Math.abs(x - value) < Math.abs(key.values[best] - value) ? i : best),
         0,
       );
       setting[key.key] = key.values[nearest];
+      note.textContent = setting[key.key] === value ? "" : `nearest to ${value}: ${setting[key.key]}`;
       range.value = nearest;
       box.value = setting[key.key];
       range.setAttribute("aria-valuetext", `${key.key} ${setting[key.key]}${inUnit(" ", key.shown)}`);
@@ -116,7 +118,7 @@
       moved();
     });
     fields[key.key](key.values[key.base]);
-    groups[group].append(html("div", { class: "row" }, label, range, box));
+    groups[group].append(html("div", { class: "row" }, label, range, box, note));
   });
   const reset = html("button", { type: "button" }, "As configured");
   reset.addEventListener("click", () => {
@@ -131,7 +133,8 @@
     for (const [key, value] of Object.entries(configured())) {
       const text = wanted.get(key),
         number = Number(text);
-      fields[key](text && Number.isFinite(number) ? number : value);
+      fields[key](value);
+      if (text && Number.isFinite(number)) fields[key](number);
     }
     const run = Number(wanted.get("run"));
     if (Number.isInteger(run) && run >= 0 && run < data.runs) $("run").value = String(run);
@@ -167,17 +170,31 @@
     const source = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
     const count = Math.max(1, Math.min(4, (navigator.hardwareConcurrency || 2) - 1));
     for (let k = 0; k < count; k += 1) {
-      const worker = new Worker(source),
-        entry = { worker, busy: true };
+      const worker = begun(source);
+      if (!worker) return;
+      const entry = { worker, busy: true };
       worker.onmessage = ({ data: answer }) => received(entry, answer);
-      worker.onerror = (event) => broken(event.message);
+      worker.onerror = (event) => broken(event.message || BLOCKED);
       worker.postMessage({ load: data, mayFuse });
       workers.push(entry);
     }
   }
 
+  const BLOCKED = "its server's Content-Security-Policy blocks workers (worker-src blob: allows them)";
+
+  /** @param {string} source */
+  function begun(source) {
+    try {
+      return new Worker(source);
+    } catch (error) {
+      broken(error instanceof Error && error.name !== "SecurityError" ? error.message : BLOCKED);
+      return null;
+    }
+  }
+
   /** @param {string} why */
   function broken(why) {
+    $("all").classList.remove("stale");
     $("check").textContent =
       `This browser cannot run the compiled program: ${why}. The table has the configured numbers.`;
     $("check").className = "check bad";
@@ -213,11 +230,15 @@
   /** Asks for all runs of a setting; what was asked before is forgotten. */
   function compute() {
     id += 1;
+    $("all").classList.add("stale");
     const now = base ? { ...setting } : configured(),
       run = Number($("run").value);
     all = new Float64Array(laws.length * data.runs * width);
     done = spent = 0;
     queue = [{ id, setting: { ...setting }, runs: [run], whole: true }];
+    // A page that is opened by a link has not seen the run as it is configured.
+    if (changed().length && first?.runs[0] !== run)
+      queue.push({ id, setting: configured(), runs: [run], whole: true, before: true });
     for (let begin = 0; begin < data.runs; begin += share) {
       const runs = Array.from({ length: Math.min(share, data.runs - begin) }, (_, k) => begin + k);
       queue.push({ id, setting: now, runs, whole: false });
@@ -303,16 +324,25 @@
 
   // The table ------------------------------------------------------------------------------------
 
-  /** Returns means over the runs of a law that did not fail, and how many failed.
-   * @param {Float64Array} numbers @param {number} law */
-  function means(numbers, law) {
+  /** @param {Float64Array} numbers @param {number} law @param {number} run */
+  const rowOf = (numbers, law, run) =>
+    numbers.subarray((law * data.runs + run) * width, (law * data.runs + run + 1) * width);
+
+  /** @param {Float64Array} row */
+  const hasFailed = (row) => row[columns.length] || row[columns.length + 2];
+
+  /** Returns means over the runs of a law that did not fail, and how many failed; only over those
+   * that did not fail among others, too, where these are given.
+   * @param {Float64Array} numbers @param {number} law @param {Float64Array} [others] */
+  function means(numbers, law, others) {
     const sums = columns.map(() => 0),
       failures = new Map();
     let good = 0;
     for (let run = 0; run < data.runs; run += 1) {
-      const row = numbers.subarray((law * data.runs + run) * width, (law * data.runs + run + 1) * width);
-      const [outcome, , diverged] = row.subarray(columns.length);
-      if (outcome || diverged) {
+      if (others && hasFailed(rowOf(others, law, run))) continue;
+      const row = rowOf(numbers, law, run);
+      const outcome = row[columns.length];
+      if (hasFailed(row)) {
         const why = outcome ? OUTCOMES[outcome] : "turns too fast";
         failures.set(why, (failures.get(why) ?? 0) + 1);
       } else {
@@ -331,11 +361,14 @@
       $("all").replaceChildren();
       return;
     }
+    $("all").classList.remove("stale");
     const body = $("all").tBodies[0];
     body.replaceChildren(
       ...laws.map((law, k) => {
-        const { good, failures, values } = means(all, k),
-          was = means(base ?? all, k);
+        const { good, failures, values } = means(all, k);
+        // Differences are of the runs that end both as configured and now.
+        const both = means(all, k, base ?? all),
+          was = means(base ?? all, k, all);
         const box = html("input", { type: "checkbox" });
         box.checked = !hidden.has(k);
         box.addEventListener("change", () => {
@@ -345,14 +378,16 @@
         });
         const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), law.title));
         for (const [why, count] of failures) head.append(html("span", { class: "failed" }, `${count} failed: ${why}`));
-        return html("tr", {}, head, ...columns.map((column, j) => cell(column, values[j], was.values[j], good)));
+        if (both.good < Math.max(good, means(base ?? all, k).good))
+          head.append(html("span", { class: "failed" }, `changes: of the ${both.good} runs that end either way`));
+        const changes = both.values.map((value, j) => value - was.values[j]);
+        return html("tr", {}, head, ...columns.map((column, j) => cell(column, values[j], changes[j], good)));
       }),
     );
   }
 
-  /** @param {Column} column @param {number} value @param {number} was @param {number} good */
-  function cell(column, value, was, good) {
-    const difference = value - was;
+  /** @param {Column} column @param {number} value @param {number} difference @param {number} good */
+  function cell(column, value, difference, good) {
     const made = html("td", {}, column.counts ? `${value}/${good}` : written(value));
     if (changed().length && Number.isFinite(difference)) {
       const rises = difference > 0,
@@ -390,8 +425,9 @@
 
   /** @param {Answer} answer */
   function show(answer) {
-    shown = answer;
-    if (!first || first.runs[0] !== answer.runs[0]) first = changed().length ? null : answer;
+    if (answer.before || !changed().length) first = answer;
+    else if (first?.runs[0] !== answer.runs[0]) first = null;
+    if (!answer.before) shown = answer;
     draw();
   }
 
@@ -423,7 +459,12 @@
       "aria-label": `${head.name}${unit} over time`,
     });
     const axes = svg.appendChild(element("g"));
-    const before = laws.map((law) => svg.appendChild(element("path", { class: "was", stroke: law.colour })));
+    const frame = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
+    const clip = `live-frame-${head.metric}`;
+    svg.append(element("clipPath", { id: clip }, element("rect", frame)));
+    const before = laws.map((law) =>
+      svg.appendChild(element("path", { class: "was", stroke: law.colour, "clip-path": `url(#${clip})` })),
+    );
     const curves = laws.map((law) =>
       svg.appendChild(element("path", { class: "curve", stroke: law.colour, "stroke-dasharray": dashes(law) })),
     );
@@ -450,7 +491,7 @@
         return times.map((_t, i) => at(i));
       });
       const high = 1.05 * (Math.max(...seen.flatMap((k) => values[k].filter(Number.isFinite)), 0) || 1);
-      const y = (/** @type {number} */ v) => HEIGHT - BOTTOM - ((HEIGHT - TOP - BOTTOM) * Math.min(v, 2 * high)) / high;
+      const y = (/** @type {number} */ v) => HEIGHT - BOTTOM - ((HEIGHT - TOP - BOTTOM) * Math.min(v, 9 * high)) / high;
       const path = (/** @type {number[]} */ curve) => {
         let text = "",
           pen = false;
@@ -464,15 +505,19 @@
         panel.curves[k].setAttribute("d", hidden.has(k) ? "" : path(values[k]));
         const was =
           first && first !== answer && changed().length && !hidden.has(k) ? course(first, k, panel.head.metric) : null;
-        panel.before[k].setAttribute("d", was ? path(times.map((_t, i) => Math.min(was(i), 1.04 * high))) : "");
+        panel.before[k].setAttribute("d", was ? path(times.map((_t, i) => was(i))) : "");
       });
       panel.axes.replaceChildren(
         ...ticks(high, 4).flatMap((v) => [
           element("line", { class: "gridline", x1: LEFT, x2: WIDTH - RIGHT, y1: y(v), y2: y(v) }),
           element("text", { x: LEFT - 6, y: y(v) + 4, "text-anchor": "end" }, String(v)),
         ]),
-        ...ticks(times[last] - times[0], 5).map((t) =>
-          element("text", { x: x(times[0] + t), y: HEIGHT - 6, "text-anchor": "middle" }, `${t}${t ? "" : " s"}`),
+        ...ticks(times[last] - times[0], 5).map((t, k, all_) =>
+          element(
+            "text",
+            { x: x(times[0] + t), y: HEIGHT - 6, "text-anchor": k && k === all_.length - 1 ? "end" : "middle" },
+            `${t}${k === all_.length - 1 ? " s" : ""}`,
+          ),
         ),
       );
     }
@@ -729,7 +774,16 @@
     if (theme.value) document.documentElement.dataset.theme = theme.value;
     else delete document.documentElement.dataset.theme;
   });
-  $("copy").addEventListener("click", () => navigator.clipboard?.writeText($("command").textContent));
+  $("copy").addEventListener("click", async () => {
+    try {
+      await navigator.clipboard.writeText($("command").textContent);
+      $("copy").textContent = "Copied";
+    } catch {
+      getSelection()?.selectAllChildren($("command"));
+      $("copy").textContent = "Selected: copy it by the keyboard";
+    }
+    window.setTimeout(() => ($("copy").textContent = "Copy"), 2000);
+  });
   // A report has fragments of other parts, too, as #figures.
   const isSetting = () => location.hash.includes("=");
   window.addEventListener("hashchange", () => {
