@@ -289,6 +289,7 @@ def test_a_regulator_knows_the_current_and_the_added_mass():
 
 
 @pytest.mark.ci("compiles and runs the loop")
+@pytest.mark.filterwarnings("ignore:.*is unstable")
 def test_certificates_know_the_work_of_a_current(tmp_path):
     """L rises by it, which is no fault: its balance holds, and its decrease is not claimed."""
     start = {"pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.2, 0.1, -0.3]}}

@@ -39,6 +39,7 @@ def swept(name, folder):
 
 
 @pytest.mark.needs("spacecraft")
+@pytest.mark.filterwarnings("ignore:.*friction brings wheels")  # as the page shows
 def test_errors_of_wheels_that_pass_through_speed_0(tmp_path):
     for case, data in swept("crossing", tmp_path):
         assert round(data["attitude_angle"][0, 0].max(), 3) == CROSSING[case]

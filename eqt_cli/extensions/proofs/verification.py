@@ -434,7 +434,7 @@ def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
     """Yield the cascades along the motion of their model."""
     for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
         law: Any = getattr(loop.controller, "around", loop.controller)
-        if hasattr(law, "commanded"):
+        if hasattr(law, "commanded") and hasattr(law, "position"):
             law = with_fields(law, position=with_fields(law.position, period=None))
             vehicle = Vehicle(forces=(*law.known_forces, *law.across))
             of_model = replace(loop, vehicle=vehicle, controller=law)

@@ -68,7 +68,8 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
         assert line in done.out
     assert len(done.out.splitlines()) <= 18
     for line in (
-        "for every law on 3 training samples of 3 runs; at most 8 and 3 × 5 after exchanges",
+        "for every law on 3 training samples of 3 runs; at most 8 and 3 × 5 after",
+        "exchanges between the samples.",
         "Constraints on the held-out runs",
         "Tuned laws against each other, over 3 training samples and 6 runs",
         "GT against EqT",
