@@ -92,14 +92,14 @@ EXTENSIONS = {extension.name for extension in shipped()}
 """None where `make test-core` tries the core alone."""
 
 NEEDED = {
-    "extends": {
+    "merging": {
         "reviewers_se3",
         "satellite_breaks",
         "satellite_estimated",
         "se3_bluerov2_navigation",
         "sweep_lqr",
     },
-    "laws": {"sweep_lqr", "quadrotor_speeds"},
+    "designed_laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
     "spacecraft": {"cubesat", "cubesat_orbit", "cubesat_sun"},
     "underactuated": {
@@ -108,6 +108,9 @@ NEEDED = {
     },
 }
 """Shipped configurations with components of an extension."""
+
+ROOMS = Path(__file__).parent / "extensions"
+"""A folder of tests an extension, which stays where the extension is taken away."""
 
 OF_ALL_COMMANDS = ["test_api.py", "test_benchmarks.py", "test_docs.py", "trust/test_folders.py"]
 
@@ -121,6 +124,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if getattr(item, "callspec", None) and item.callspec.params.get("name") in names:
                 item.add_marker(pytest.mark.needs(extension))
         for mark in item.iter_markers("needs"):
+            if unknown := [name for name in mark.args if not (ROOMS / name).is_dir()]:
+                raise pytest.UsageError(f"no extension is named {', '.join(unknown)}: {item.nodeid}")
             lacking = sorted({*mark.args} - EXTENSIONS)
             if lacking or not EXTENSIONS:
                 item.add_marker(pytest.mark.skip(reason=f"needs {', '.join(lacking) or 'all'}"))
