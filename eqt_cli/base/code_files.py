@@ -40,18 +40,23 @@ def hashed(content: bytes) -> str:
     return sha256(content).hexdigest()[:DIGITS]
 
 
-def modules_of(name: str, text: str | None = None) -> dict[str, str]:
+def modules_of(
+    name: str, text: str | None = None, loaded: Mapping[str, str] | None = None
+) -> dict[str, str]:
     """Return the hashes of the files of a module, and of those that it imports, by their names.
 
     Parameters
     ----------
     text
         Its text, if it has no file of its own.
+    loaded
+        Files of modules by name, where another process has loaded them.
     """
     there, waiting = dict[str, str](), [name] if text is None else [*_imports(text, "")]
     while waiting:
         name = waiting.pop()
-        file = getattr(sys.modules.get(name), "__file__", None)
+        imported = getattr(sys.modules.get(name), "__file__", None)
+        file = imported if loaded is None else loaded.get(name)
         if name in there or not file or is_of_eqt(file):
             continue
         content = b""
@@ -131,14 +136,45 @@ def noted(
     _listen(is_foreign)
     with opened_files() as opened:
         yield files
-    installed = tuple(_folders()[name] + os.sep for name in ("purelib", "platlib"))
     loaded = {
-        new: str(getattr(sys.modules[new], "__file__", "") or "")
-        for new in set(sys.modules) - before - {name}
+        new: str(getattr(module, "__file__", "") or "") for new, module in [*sys.modules.items()]
     }
+    files |= needed(name, text, loaded, set(loaded) - before - {name}) | opened
+
+
+def needed(
+    name: str, text: str | None, loaded: Mapping[str, str], new: Iterable[str]
+) -> dict[str, str]:
+    """Return the hashes of the files of a module, and of all that its import has loaded, by name.
+
+    Parameters
+    ----------
+    loaded, new
+        Files of modules, and which of these the import has loaded.
+    """
+    installed = tuple(_folders()[name] + os.sep for name in ("purelib", "platlib"))
     # What a package installed beside loads by itself is its own affair, which may change.
-    imported = [new for new, file in loaded.items() if file and not file.startswith(installed)]
-    files |= united([modules_of(name, text), *map(modules_of, imported), opened])
+    elsewhere = [x for x in new if loaded[x] and not loaded[x].startswith(installed)]
+    return united(
+        [modules_of(name, text, loaded), *(modules_of(x, None, loaded) for x in elsewhere)]
+    )
+
+
+def read_files(paths: Iterable[str], modules: Iterable[str]) -> dict[str, str]:
+    """Return the hashes of the files that another process has read, by name.
+
+    Parameters
+    ----------
+    modules
+        Files of the modules that were loaded there, which are left out.
+    """
+    contents, of_modules = dict[str, str](), {*modules}
+    for path in paths:
+        other = path.endswith(".pyc") or path in of_modules or is_of_eqt(path)
+        if not other and Path(path).is_file():
+            with suppress(OSError):
+                contents[path] = hashed(Path(path).read_bytes())
+    return by_name(contents)
 
 
 @contextmanager
@@ -154,10 +190,16 @@ def opened_files() -> Iterator[dict[str, str]]:
         _opened = earlier
         modules = [*sys.modules.values()] if here else []
         of_modules = {getattr(module, "__file__", None) for module in modules}
-        for path, content in here.items():
-            if path not in of_modules:
-                name = Path(path).name
-                names[name if name not in names else f"{name} ({len(names)})"] = content
+        names |= by_name({path: x for path, x in here.items() if path not in of_modules})
+
+
+def by_name(contents: Mapping[str, str]) -> dict[str, str]:
+    """Return the hashes of files by their names without folders, which other machines have not."""
+    names = dict[str, str]()
+    for path, content in contents.items():
+        name = Path(path).name
+        names[name if name not in names else f"{name} ({len(names)})"] = content
+    return names
 
 
 @lru_cache(maxsize=1)

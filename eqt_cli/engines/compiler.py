@@ -92,7 +92,8 @@ all that it starts inherit, and ends them all when this process has ended."""
 _BRINGING = ("-I", "-isystem", "-iquote", "-idirafter", "-include", "-imacros")
 """Options of a compiler that lead to headers which no result names."""
 
-_PATHS = "CPATH C_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH LD_RUN_PATH".split()
+_PATHS = "CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX".split()
+_PATHS += "COMPILER_PATH LD_RUN_PATH".split()
 _PATHS += "DEPENDENCIES_OUTPUT SUNPRO_DEPENDENCIES CCC_OVERRIDE_OPTIONS CCC_ADD_ARGS".split()
 """Variables by which a compiler reads or writes other files, which no result would name."""
 

@@ -74,6 +74,8 @@ class Guest:
         The row that is being called, or was when the process was lost; −1 before the first one.
     lives
         How many processes have been lost.
+    files
+        Of a law in Python, the files of its modules, and those that it read.
     lock
         Held in a request, by the threads that share it.
     """
@@ -82,7 +84,8 @@ class Guest:
         self.process: Any = None
         self.law, self.limits, self.content = law, limits, content
         self.lock, self.lives, self.name = Lock(), -1, f"{law['function']} in {law['file']}"
-        self.memory = self._start({})["memory"]
+        first = self._start({})
+        self.memory, self.files = first["memory"], first["files"]
 
     def _start(self, more: Mapping[str, Any]) -> Any:
         """Start the process; return its answer to the law."""

@@ -35,6 +35,9 @@ CAST = getattr(ctypes, "_cast_addr", None)
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
+READ = dict[str, None]()
+"""Paths of the files that a law has opened."""
+
 OURS: list[str] = []
 """Events of this program itself, while it starts or ends the process of a run."""
 
@@ -58,6 +61,15 @@ def refuse(event: str, about: tuple[Any, ...]) -> None:
     casts = event == "ctypes.call_function" and about[0] == CAST
     if opens or (changes and not casts) or "_posixsubprocess" in about[:1]:
         raise PermissionError(f"{event} {about[0] if about else ''}".strip())
+    if event == "open" and isinstance(about[0], str | bytes | os.PathLike):
+        READ[os.path.abspath(os.fsdecode(about[0]))] = None  # noqa: PTH100  # as in code_files
+
+
+def files_of_law() -> dict[str, Any]:
+    """Return the files that a law has loaded as modules, by their names, and those that it read."""
+    files = {name: getattr(module, "__file__", None) for name, module in [*sys.modules.items()]}
+    loaded = {name: str(file) for name, file in files.items() if file and name not in BEFORE}
+    return {"loaded": loaded, "read": [*READ]}
 
 
 def lock() -> None:
@@ -72,6 +84,9 @@ def lock() -> None:
         if abi > 0 and libc.prctl(38, 1, 0, 0, 0) == 0:
             libc.syscall(446, libc.syscall(444, rules, size, 0), 0)
 
+
+BEFORE = frozenset(sys.modules)
+"""Modules that this program needs itself."""
 
 TRIAL_SECONDS = 3.0
 """Time after which no further state is tried, s."""
@@ -121,7 +136,7 @@ the first number of the arrays that follow each other."""
 class Library:
     """A law in C, compiled, which may crash or never return."""
 
-    memory, reason = (), ""
+    memory, reason, files = (), "", ()
     seconds: list[float] = []  # noqa: RUF012  # calls of C are too short to time one by one
 
     def __init__(self, request: dict[str, Any], board: Board) -> None:
@@ -319,7 +334,7 @@ class Law:
         self.board = board
         self.runs, self.pipes = Runs(self.process_of, request["lives"]), pipes
         self.error: Exception | None = None
-        self.reason = ""
+        self.reason, self.files = "", dict[str, Any]()
         # Python's own way to start processes, of which no hook is told.
         sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
         lock()
@@ -332,6 +347,7 @@ class Law:
             self.try_in_run()
         else:
             self.begin(request["values"], request["trial"])
+            self.files = files_of_law()
 
     def serve(self, requests: Any, answers: Any) -> None:
         """Answer to the rows of each request by a line, until no more come."""
@@ -482,7 +498,7 @@ class Law:
         first.end()
         if "lost" in said:
             raise ValueError(said["lost"])
-        self.seconds, self.memory = said["seconds"], {OBJECT: (2,)}
+        self.seconds, self.memory, self.files = said["seconds"], {OBJECT: (2,)}, said["files"]
 
     def process_of(self, values: list[float]) -> RunProcess:
         """Return a process for a run, whose object is made by its first request."""
@@ -497,6 +513,7 @@ class Law:
                 try:
                     if "trial" in what:
                         self.begin(values, what["trial"])
+                        said["files"] = files_of_law()
                     else:
                         self.make(values)
                         said["torque"] = list(self.torque(what["row"], what["period"]))
@@ -587,7 +604,7 @@ def main() -> None:
         pipes = requests.fileno(), answers.fileno()
         library = "library" in first
         law: Any = Library(first, board) if library else Law(first, board, pipes)
-        answers.write(json.dumps({"memory": law.memory}).encode() + b"\n")
+        answers.write(json.dumps({"memory": law.memory, "files": law.files}).encode() + b"\n")
     except Exception as error:
         answers.write(json.dumps({"error": described(error, first["file"])}).encode() + b"\n")
         return

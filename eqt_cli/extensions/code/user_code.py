@@ -22,6 +22,7 @@ import numpy as np
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.code_files import needed, read_files, united
 from eqt_cli.base.errors import EqtWarning, InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
 from eqt_cli.base.reporting import reporter, working_for
@@ -111,6 +112,10 @@ def files_in(text: str, file: str) -> Mapping[str, str]:
         files[head[2]] = text[head.end() : head.end() + int(head[1])]
         at = head.end() + int(head[1]) + 1
     return files
+
+
+_BROUGHT = re.compile(r"/usr/(include|lib\w*)/|/(gcc|clang|c\+\+|zig|Xcode.*|CommandLineTools)/")
+"""Folders of headers that come with a compiler or a system, as its standard library."""
 
 
 def preprocessed(source: str = "", file: Path | None = None) -> str:
@@ -403,6 +408,12 @@ class UserCode(CodeFile):
         numbers, inputs = dict(self.numbers), self.adapted
         return text + casadi_call(text, self.file, self.prefix, inputs, numbers, self.returns)
 
+    @property
+    def headers(self) -> list[str]:
+        """Headers of the system that no compiler brings, such as those of a library in C++."""
+        files = dict.fromkeys(marker[1] for marker in _MARKER.finditer(self.preprocessed))
+        return [x for x in files if Path(x).is_absolute() and not _BROUGHT.search(x)]
+
     @cached_property
     def _plain(self) -> str:
         """The compiled text, without strings."""
@@ -557,6 +568,16 @@ class CodeFunction:
             listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
             words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
         return ", ".join(words)
+
+    @cached_property
+    def sources(self) -> dict[str, str]:
+        """Hashes of the files beside its text that decide what it computes, by their names."""
+        if not self.code.is_python:
+            return read_files(self.code.headers, ())
+        files = self.processes.guests[0].files
+        loaded, read = files["loaded"], files["read"]
+        modules = needed("", self.code.text, loaded, loaded)
+        return united([modules, read_files(read, loaded.values())])
 
     @property
     def processes(self) -> Pool:
