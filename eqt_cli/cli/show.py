@@ -171,6 +171,7 @@ def _summary(results: Result, json: bool) -> None:
                 for name in results.names
             },
             **outcome_record(results),
+            **conclusion_of(results).document(),
         }
         output.print_json(document)
         return

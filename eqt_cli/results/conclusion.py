@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from eqt_cli.base import purposes
 from eqt_cli.base.extensions import functions_for
@@ -26,6 +27,8 @@ class Conclusion:
         Returns the tables that `eqt show` prints and a report contains.
     finding
         Returns the sentence on these tables with which a report begins.
+    document
+        Returns what `eqt show --json` has in addition, by key.
     figures
         Default figures of a report, which then does not compare the laws run by run: captions by
         name, "" for the usual caption.
@@ -49,6 +52,7 @@ class Conclusion:
     title: str = ""
     tables: Callable[[], Sequence[TextTable]] = list
     finding: Callable[[Sequence[TextTable]], str] = lambda _: ""
+    document: Callable[[], Mapping[str, Any]] = dict
     figures: Mapping[str, str] = field(default_factory=dict)
     plotted: Sequence[str] = ()
     starts: Sequence[str] = ()

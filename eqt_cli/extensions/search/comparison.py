@@ -56,7 +56,8 @@ def _of_samples(
     check_metrics(result, names, "compare")
     pairs = ratios.ratios(result, record, names, chosen, how.confidence)
     table = ratios.ratio_table(result, pairs, record["samples"], write)
-    said = ratios.endings(record)
+    of_chosen = record | {"laws": [law for law in record["laws"] if law["label"] in chosen]}
+    said = ratios.said_first(result, of_chosen)
     said += ratios.sentences(result, pairs[: len(pairs) // len(names)], record["samples"])
     inner = {result.title_of[label]: result.described.inner.get(label) for label in chosen}
     said += not_shared(inner)

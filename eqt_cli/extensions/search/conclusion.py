@@ -30,7 +30,11 @@ def conclusion(result: Result) -> Conclusion | None:
 
 
 def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
-    from eqt_cli.extensions.search.tables import is_sampled, tuning_tables
+    from eqt_cli.extensions.search.ratios import endings
+    from eqt_cli.extensions.search.tables import is_sampled, tuning_tables, verdict_records
+
+    def verdicts() -> dict[str, Any]:
+        return verdict_records(result, record)
 
     laws, has_fronts = record["laws"], len(record["objectives"]) > 1
     best = [law for law in laws if law["winners"] and not has_fronts]
@@ -45,11 +49,12 @@ def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
     return Conclusion(
         *(TUNE.configs, "Tuned", "Tuned laws on held-out runs"),
         tables=lambda: tuning_tables(result, record),
-        finding=(lambda _: "") if has_fronts else _better,
+        finding=lambda shown: "" if has_fronts else _better(shown, **verdicts()),
+        document=lambda: {"verdicts": verdicts()} if is_sampled(record) else {},
         figures={"fronts": _CAPTION} if has_fronts else {},
         starts=[law["start"] for law in laws if law["over"]],
         further=searched.difference(w["label"] for law in laws for w in law["winners"]),
-        premise=_PREMISE * is_sampled(record),
+        premise=" ".join([f"{_PREMISE}.", *endings(record)]) if is_sampled(record) else "",
         pair=[*pair, best[0]["start"]] if len(best) == 1 else pair,
         variants=variants,
     )
@@ -60,14 +65,15 @@ def _worst(tables: Sequence[TextTable]) -> str:
     return f"{tables[0].caption}: {laws}."
 
 
-def _better(tables: Sequence[TextTable]) -> str:
+def _better(tables: Sequence[TextTable], remarks: Sequence[str] = (), **_: object) -> str:
     """Say which tuned law is better than which; of a single law, what tuning changed."""
     notes = [note for table in tables for note in table.notes]
     if verdict := next((note for note in notes if note.startswith("By ")), ""):
-        return verdict
+        return " ".join([*remarks, verdict])
     first = tables[0].blocks[0]
     laws = (f"{row[0]} {row[-2]} before, {row[-1]} after" for row in first.rows)
-    return f"{first.title[:1].upper()}{first.title[1:]}: {'; '.join(laws)} tuning."
+    reached = f"{first.title[:1].upper()}{first.title[1:]}: {'; '.join(laws)} tuning."
+    return " ".join([*remarks, reached])
 
 
 _CAPTION = (

@@ -437,6 +437,11 @@ def endings(record: Record) -> list[str]:
     return [f"{one[:1].upper()}{one[1:]}." for one in said if one]
 
 
+def said_first(result: Result, record: Record) -> list[str]:
+    """Return what is said before any verdict: that a search failed, or is not finished."""
+    return [*worse_than_started(result, record), *endings(record)]
+
+
 def worse_than_started(result: Result, record: Record) -> list[str]:
     """Say which tuned laws do worse on the held-out runs than at their starting gains."""
     (metric,), lines = record["objectives"], []

@@ -68,8 +68,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     pairs: list[TextTable] = []
     if is_sampled(record):
         of_pairs = ratios.ratios(result, record, sought)
-        said = _first(result, record)
-        said += ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
+        said = ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
         table = ratios.ratio_table(result, of_pairs, record["samples"], _WRITE)
         pairs.append(replace(table, notes=[*said, *table.notes]))
         pairs.append(ratios.spending_table(result, record, _WRITE))
@@ -90,8 +89,9 @@ def verdict_records(result: Result, record: Record) -> dict[str, Any]:
     """Return the verdicts on laws that were tuned on samples, and their pairs, for programs."""
     if not is_sampled(record):
         return {}
-    pairs = ratios.ratios(fronts.held_out(result, record), record, record["objectives"])
-    said = _first(fronts.held_out(result, record), record)
+    result = fronts.held_out(result, record)
+    pairs = ratios.ratios(result, record, record["objectives"])
+    said = ratios.said_first(result, record)
     return {"pairs": ratios.answer_record(pairs), "remarks": said}
 
 
@@ -125,16 +125,11 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
     if is_sampled(record):
         pairs = ratios.ratios(result, record, record["objectives"])
         said = ratios.sentences(result, pairs, record["samples"])
-        notes = [*_first(result, record), *said, *notes]
+        notes = [*ratios.said_first(result, record), *said, *notes]
     elif len(tuned) > 1:
         notes.insert(0, _ranking(result, record["objectives"][0], tuned))
     notes = [*record.get("proved", {}).get("answer", ()), *notes]
     return [replace(_winners(result, record, record["objectives"]), notes=notes)]
-
-
-def _first(result: Result, record: Record) -> list[str]:
-    """Return what is said before any verdict: that a search failed, or is not finished."""
-    return [*ratios.worse_than_started(result, record), *ratios.endings(record)]
 
 
 def _samples(result: Result, record: Record) -> TextTable:
@@ -257,7 +252,8 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
     header = ["law", "best values", "start", "tuned"]
     if "proved" in record:
         header.append(record["proved"]["column"])
-    return TextTable("tuned", caption, header, blocks, list(_notes(result, record)))
+    said = ratios.said_first(result, record) if is_sampled(record) else []
+    return TextTable("tuned", caption, header, blocks, [*said, *_notes(result, record)])
 
 
 def _notes(

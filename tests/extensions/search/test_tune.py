@@ -2,6 +2,8 @@
 
 import json
 import math
+from copy import deepcopy
+from shutil import copytree
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,9 +20,12 @@ from eqt_cli.base.reporting import Block, Reporter, TextTable, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.document import document_of
 from eqt_cli.extend import EqtError
+from eqt_cli.extensions.report.document import report
+from eqt_cli.extensions.search import ratios
 from eqt_cli.extensions.search.fronts import Constraint, scores
 from eqt_cli.extensions.search.record import fits_tuning
 from eqt_cli.extensions.search.tables import _notes, _ranking, tuning_answer, tuning_tables
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -245,6 +250,48 @@ def test_two_samples_call_no_law_better(searched_twice):
     assert [row[-1] for row in tables["pairs"].rows] == ["not judged"]
     stars = [row[:2] for row in tables["samples"].rows if "*" in row[1]]
     assert [law for law, _ in stars] == ["EqT", "family"]
+
+
+@pytest.fixture
+def unfinished(searched_twice, tmp_path, monkeypatch):
+    """A tuning whose family gained 2.1 % in its last exchange; two samples are enough for it."""
+    monkeypatch.setattr(ratios, "FEWEST_SAMPLES", 2)
+    folder, record = copytree(searched_twice[0], tmp_path / "t"), deepcopy(searched_twice[1])
+    for law, gained in zip(record["laws"], (0.001, 0.021), strict=True):
+        law["searches"][1]["gained"], law["searches"][0]["gained"] = gained, 0.0
+    write_record(folder / "tuning.json", record)
+    return folder
+
+
+ENDED = (
+    "Search not finished: family gained 2.1 % in its last exchange between samples; "
+    "tune.budget: 140 would go on."
+)
+
+
+@pytest.mark.ci("searches twice")
+def test_a_search_that_is_not_finished_is_said_first_and_to_programs(unfinished, invoke):
+    document = json.loads(invoke("show", unfinished, "--json").stdout)["verdicts"]
+    assert [pair["verdict"] for pair in document["pairs"]] == ["search not finished"]
+    assert document["pairs"][0]["unfinished"] == ["family"]
+    assert document["remarks"] == [ENDED]
+    with open_result(unfinished) as result:
+        concluded = conclusion_of(result)
+        first = concluded.tables()[0]
+        assert (first.name, first.notes[0]) == ("tuned", ENDED)
+        assert concluded.finding(concluded.tables()).startswith(f"{ENDED} By ")
+        assert ENDED in concluded.premise  # of words run by run, for chosen windows
+        alone = read(unfinished)  # of one law, too, which has no pairs
+        assert tuning_tables(result, alone | {"laws": alone["laws"][1:]})[0].notes[0] == ENDED
+
+
+@pytest.mark.ci("searches twice")
+@pytest.mark.needs("report")
+def test_the_page_calls_no_law_better_whose_search_is_not_finished(unfinished):
+    with open_result(unfinished) as result:
+        page = report(result, [])
+    assert '<p class="finding">Search not finished: family gained' in page
+    assert '<span class="verdict undecided">search not finished</span>' in page
 
 
 def test_the_answer_of_fronts_is_that_at_their_middle_cost(monkeypatch):
