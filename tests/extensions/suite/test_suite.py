@@ -27,7 +27,7 @@ from eqt_cli.extensions.suite import (
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.entrants import Law, read_law, shipped_laws
 from eqt_cli.extensions.suite.judging import Judged, tuned
-from eqt_cli.extensions.suite.tasks import TASKS, all_tasks, read_task
+from eqt_cli.extensions.suite.tasks import TASKS, VERSION, all_tasks, read_task
 from eqt_cli.results.quantity import Plain
 
 pytestmark = pytest.mark.needs("suite", "search")
@@ -226,6 +226,17 @@ def test_a_pack_of_another_suite_is_not_shown(tmp_path, invoke):
     archive.write(tmp_path / "a.zip", replace(archived(good=0.5), suite="eqt-suite-99"))
     said = invoke("suite", "show", tmp_path / "a.zip", code=2).stderr
     assert "judged on eqt-suite-99, and this eqt has eqt-suite-" in said
+
+
+def test_a_pack_of_the_first_suite_is_answered_by_the_suite_that_judged_it(tmp_path, invoke):
+    """Its tasks had other digests under the same names, and no search said how it ended."""
+    first, path = replace(archived(good=0.5), suite="eqt-suite-1"), tmp_path / "a.zip"
+    first.laws["good"].tasks["quad_att"] = replace(judged(0.5), gained=np.array([]))
+    archive.write(path, first)
+    said = invoke("suite", "check", path, "--no-fresh", code=4).stdout
+    assert f"judged on eqt-suite-1, and this eqt has {VERSION}" in said
+    assert "task quad_att is not the one of this eqt; judge the law anew" in said
+    assert "judge the law anew" in invoke("suite", "show", path, code=2).stderr
 
 
 def test_a_law_is_better_by_its_ratio_and_fails_without_one():
