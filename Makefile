@@ -47,10 +47,10 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
 # Searches that results/suite holds are used again. ARGS='--laws eqt,gt --out part.zip' computes some only.
-suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: 10 CPU minutes
+suite: $(VENV)/.stamp-base ## compute the archive of `eqt suite` anew, in its extension: 20 CPU minutes
 	$(BIN)/eqt suite archive $(ARGS)
 
-suite-again: $(VENV)/.stamp-base ## tune the archive's laws on other training samples; no verdict may be reversed: 10 CPU minutes
+suite-again: $(VENV)/.stamp-base ## tune the archive's laws on other training samples; no verdict may be reversed: 20 CPU minutes
 	$(BIN)/eqt suite repeat $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.

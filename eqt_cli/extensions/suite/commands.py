@@ -252,7 +252,7 @@ def archive(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compute the archive anew: all its laws on all tasks, which takes 10 CPU minutes.
+    """Compute the archive anew: all its laws on all tasks, which takes 20 CPU minutes.
 
     Searches that the folder holds are used again.
 
@@ -293,7 +293,7 @@ def repeat(
 ) -> None:
     """Tune the archive's laws on other training samples: is a resolved verdict reversed.
 
-    All laws on all tasks take 10 CPU minutes. The exit code is 4 if a resolved verdict is reversed.
+    All laws on all tasks take 20 CPU minutes. The exit code is 4 if a resolved verdict is reversed.
 
     Options
     -------
