@@ -23,8 +23,9 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from eqt_cli.base import extensions
 from eqt_cli.base.code_files import noted, united
-from eqt_cli.base.errors import ComponentError, EqtError, alike, bare, suggestion
+from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, alike, bare, suggestion
 from eqt_cli.base.files import refusals, text_in
+from eqt_cli.base.reporting import reporter
 
 
 def option_of_field(name: str) -> str:
@@ -117,9 +118,14 @@ class Registry(Generic[T]):
     def _installed(self) -> dict[str, type[T]]:
         """The components of other distributions."""
         components: dict[str, type[T]] = {}
+        of_eqt = {*map(_name, self.core()), *self._of_extensions}
         for extension in extensions.installed():
             for name, module in extension.components.get(self.plural, {}).items():
                 where = f"{self.kind} '{name}' of the extension '{extension.name}'"
+                if same := alike(name, of_eqt | components.keys()):
+                    exists = f"{where} is left out: '{same}' already exists; rename yours"
+                    reporter().remark(EqtWarning(exists))
+                    continue
                 try:
                     with noted(module, is_foreign) as files:
                         inside = self._in_module(module)
@@ -136,7 +142,7 @@ class Registry(Generic[T]):
                         f"{where} is not in {module}; define a class of this `name` there, derived "
                         f"from eqt_cli.extend.{self.base.__name__}"
                     )
-                components.setdefault(name, inside[name])
+                components[name] = inside[name]
         return components
 
     def _shipped(self, name: str) -> type[T] | None:

@@ -10,10 +10,13 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from said import says
 
 import eqt_cli
 from eqt_cli.base import purposes
 from eqt_cli.base.extensions import Every, Extension, Purpose, shipped, usable
+from eqt_cli.base.registry import Registry
+from eqt_cli.extend import Controller
 
 PACKAGE = Path(eqt_cli.__file__).parent
 EXTENSIONS = PACKAGE / "extensions"
@@ -144,6 +147,32 @@ def test_functions_of_others_come_behind_those_of_eqt(monkeypatch):
         assert usable()[-1] is other
     finally:
         usable.cache_clear()
+
+
+TAKEN = """
+from eqt_cli.extend import Lee2010
+
+class Free(Lee2010):
+    name = "free"
+
+class Other(Lee2010):
+    name = "EqT"
+"""
+
+
+def test_a_component_of_others_gets_no_name_that_exists(monkeypatch, tmp_path, told):
+    (tmp_path / "taken.py").write_text(TAKEN, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    one, two = Extension("one", "taken"), Extension("two", "taken")
+    for extension, name in ((one, "EqT"), (one, "free"), (two, "free")):
+        extension.add_component("controllers", name)
+    monkeypatch.setattr("eqt_cli.base.extensions.installed", lambda: (one, two))
+    monkeypatch.setattr("eqt_cli.base.registry._registries", [])
+    laws = Registry("controller", "controllers", Controller, ("components.laws",))
+    assert {"eqt", "free"} <= {*laws.names()} and "EqT" not in laws.names()
+    first, second = told.remarks
+    assert says(first, "controller 'EqT' of…'one' is left out: 'eqt' already exists; rename yours")
+    assert says(second, "controller 'free' of…'two' is left out: 'free' already exists…")
 
 
 # One extension removed at a time, as a user would
