@@ -43,11 +43,11 @@ class Radio(Sensor):
 
     def lost(self, measurements: int, random: np.random.Generator) -> Array:
         """Every fix while the radio has failed."""
-        found, failed = np.zeros(measurements, dtype=bool), False
+        losses, failed = np.zeros(measurements, dtype=bool), False
         for k, number in enumerate(random.random(measurements)):
             failed = number >= self.recovers if failed else number < self.fails
-            found[k] = failed
-        return found
+            losses[k] = failed
+        return losses
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A negative deviation, a wrong count, probabilities that are none."""

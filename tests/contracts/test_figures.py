@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from matplotlib.patches import Patch
@@ -149,6 +150,8 @@ def starts(text, law):
 def look(artist):
     if isinstance(artist, Patch):
         return to_hex(artist.get_facecolor(), keep_alpha=True), artist.get_hatch()
+    if isinstance(artist, PathCollection):  # of `scatter`
+        return to_hex(artist.get_facecolor()[0]), artist.get_paths()[0].vertices.tolist()
     dashes = artist.get_linestyle(), artist._unscaled_dash_pattern
     return to_hex(artist.get_color()), str(dashes), artist.get_marker(), artist.get_fillstyle()
 
