@@ -125,7 +125,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.needs(extension))
         for mark in item.iter_markers("needs"):
             if unknown := [name for name in mark.args if not (ROOMS / name).is_dir()]:
-                raise pytest.UsageError(f"no extension is named {', '.join(unknown)}: {item.nodeid}")
+                raise pytest.UsageError(
+                    f"no extension is named {', '.join(unknown)}: {item.nodeid}"
+                )
             lacking = sorted({*mark.args} - EXTENSIONS)
             if lacking or not EXTENSIONS:
                 item.add_marker(pytest.mark.skip(reason=f"needs {', '.join(lacking) or 'all'}"))
