@@ -145,6 +145,11 @@ def variables_of_a_result(study: core.Study) -> Mapping[str, core.Variable]:
 
 
 @every
+def errors_of_a_result(study: core.Study) -> Mapping[str, Any]:
+    """Return attributes of a result on how much its numbers err; `eqt run`, after the runs."""
+
+
+@every
 def remarks_on_a_result(result: core.ResultFile) -> Iterable[str]:
     """Yield lines on how a result was computed; `eqt show`, `eqt compare`."""
 

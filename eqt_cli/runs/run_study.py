@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
-from eqt_cli.base.extensions import function_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.files import kind_of, write_record
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import open_results
@@ -39,7 +39,6 @@ from eqt_cli.runs.lock import LOCK, locked
 from eqt_cli.runs.part_files import MANIFEST
 from eqt_cli.runs.preflight import check_resources, rehearse
 from eqt_cli.runs.provenance import now, provenance
-from eqt_cli.runs.row_errors import row_errors
 
 
 @dataclass(frozen=True)
@@ -480,15 +479,17 @@ def pack(
 def _cross_checked(
     study: Study, checked: Sequence[tuple[States, Works]], seconds: dict[str, float]
 ) -> dict[str, Any]:
-    """Return the attributes of the cross-check of all pieces, and of errors by their rows."""
+    """Return the attributes of the cross-check of all pieces, and those that extensions add."""
+    of_extensions: dict[str, Any] = {}
     redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
     with timed(seconds, "cross-check"), step(CHECKING, redone):
         check = cross_check(study, *map(list, zip(*checked, strict=True)))
         with hurried(is_brief(study)):  # what the runs have compiled
-            of_rows = row_errors(study)
+            for tell in functions_for(purposes.errors_of_a_result):
+                of_extensions |= tell(study)
     fields = {} if check is None else asdict(check)
     of_check = {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
-    return of_check | of_rows
+    return of_check | of_extensions
 
 
 def finished_parts(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:

@@ -6,7 +6,7 @@ from scipy.integrate import simpson, solve_ivp
 from small_experiment import mapping
 
 from eqt_cli.api import load_experiment
-from eqt_cli.runs.row_errors import row_errors
+from eqt_cli.extensions.samples.row_errors import row_errors
 
 J, KP, KD, ANGLE = 0.5, 1.0, 0.8, 1.2
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.stored import Attribute
 from eqt_cli.components.laws import RunsCode
@@ -39,6 +40,7 @@ EVALUATIONS = 12
 """Evaluations of a step of DOP853, by which engines in NumPy count their work."""
 
 
+@purposes.errors_of_a_result
 def row_errors(study: Study) -> dict[str, Attribute]:
     """Return the attributes of a result of which a metric errs by its samples; empty if none does.
 
