@@ -197,6 +197,7 @@ class _Commands(Group):
                 with in_words():
                     return super().invoke(ctx)
             finally:
+                ctx.close()
                 sys.stdout.flush()
         except BrokenPipeError as error:  # the reader of our output has left, as `head` does
             # Writing the rest at the end of the process must not fail again.

@@ -264,7 +264,8 @@ Controllers = Annotated[list[str] | None, option("--controller", autocompletion=
 def _documents_alone(ctx: typer.Context, json: bool) -> bool:
     """Apply ``--json``: what others print is no part of the document."""
     if json:
-        ctx.with_resource(documents_alone())
+        # A command whose other options are wrong never closes its own context.
+        ctx.find_root().with_resource(documents_alone())
     return json
 
 

@@ -1,5 +1,6 @@
 """The command in a process of its own: exit codes, streams, signals, imports."""
 
+import io
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stdout
 
 import pytest
 from case_tables import from_yaml
@@ -15,6 +17,7 @@ from said import says
 
 import eqt_cli
 from eqt_cli.base import process
+from eqt_cli.cli import main
 
 HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 
@@ -23,6 +26,14 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 def test_wrong_usage_is_told_as_other_errors_are(refused, command, told):
     said = refused(*command.split())
     assert says(said, f"{told}…\n")
+
+
+def test_wrong_usage_leaves_stdout_as_it_was(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["eqt", "compare", "--json", "--resamples", "x"])
+    before = sys.stdout
+    with pytest.raises(SystemExit), redirect_stdout(io.StringIO()):
+        main()
+    assert sys.stdout is before
 
 
 def test_version(process):
