@@ -304,7 +304,7 @@ class DerivesLog(Protocol):
     """A group for laws that shape an energy of log Q."""
 
     def log_force(self, x: Array, p: Array) -> Array:
-        """Return f of `log_force`."""
+        """Return the covector f that the function `log_force` describes."""
 
 
 def log_force(G: MatrixLieGroup, x: Array, p: Array) -> Array:

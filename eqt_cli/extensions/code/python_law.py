@@ -85,6 +85,14 @@ def lock() -> None:
             libc.syscall(446, libc.syscall(444, rules, size, 0), 0)
 
 
+def shut_in() -> None:
+    """Refuse from here on what a law may not do."""
+    # Python's own way to start processes, of which no hook is told.
+    sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
+    lock()
+    sys.addaudithook(refuse)
+
+
 BEFORE = frozenset(sys.modules)
 """Modules that this program needs itself."""
 
@@ -330,23 +338,24 @@ class Law:
     """
 
     def __init__(self, request: dict[str, Any], board: Board, pipes: tuple[int, ...]) -> None:
-        self.request, self.numbers, self.seconds = request, [nan], list[float]()
-        self.board = board
-        self.runs, self.pipes = Runs(self.process_of, request["lives"]), pipes
+        self.request, self.board, self.pipes = request, board, pipes
+        self.numbers = [nan]  # with which the object was made: it is not made yet
+        self.memory: dict[str, Any] = {}
+        self.seconds = list[float]()
         self.error: Exception | None = None
         self.reason, self.files = "", dict[str, Any]()
-        # Python's own way to start processes, of which no hook is told.
-        sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
-        lock()
-        sys.addaudithook(refuse)
-        self.text = compile(request["text"], request["file"], "exec")
-        board.begin(-1)
+        self.runs = Runs(self.process_of, request["lives"])
+
+    def start(self) -> None:
+        """Execute the text, which may change nothing outside this process, and try the law out."""
+        shut_in()
+        self.text = compile(self.request["text"], self.request["file"], "exec")
+        self.board.begin(-1)
         self.execute()
-        self.memory: dict[str, Any] = {}
-        if request["per_run"]:
+        if self.request["per_run"]:
             self.try_in_run()
         else:
-            self.begin(request["values"], request["trial"])
+            self.begin(self.request["values"], self.request["trial"])
             self.files = files_of_law()
 
     def serve(self, requests: Any, answers: Any) -> None:
@@ -602,8 +611,12 @@ def main() -> None:
     board.seconds = first["seconds"]
     try:
         pipes = requests.fileno(), answers.fileno()
-        library = "library" in first
-        law: Any = Library(first, board) if library else Law(first, board, pipes)
+        law: Library | Law
+        if "library" in first:
+            law = Library(first, board)
+        else:
+            law = Law(first, board, pipes)
+            law.start()
         answers.write(json.dumps({"memory": law.memory, "files": law.files}).encode() + b"\n")
     except Exception as error:
         answers.write(json.dumps({"error": described(error, first["file"])}).encode() + b"\n")

@@ -29,7 +29,9 @@ def main() -> None:
     said: dict[str, Any] = {}
     try:
         with redirect_stdout(sys.stderr):
-            said["answer"] = xacro_here(request) if kind == "xacro" else mjcf_here(request)
+            said["answer"] = (
+                expanded_by_xacro(request) if kind == "xacro" else vehicle_by_mujoco(request)
+            )
     except EqtError as error:
         said["error"] = str(error)
     except ImportError as error:
@@ -42,29 +44,29 @@ def main() -> None:
     os._exit(0)  # what MuJoCo has built need not be taken apart
 
 
-def xacro_here(request: Request) -> str:
-    """Return what xacro makes of a file, in this process."""
+def expanded_by_xacro(request: Request) -> str:
+    """Return the text that xacro makes of a file."""
     import xacro
 
     from eqt_cli.extensions.vehicles.macros import expanded
 
-    _limit()
+    _limit_time_and_memory()
     return expanded(xacro, request)
 
 
-def mjcf_here(request: Request) -> dict[str, Any]:
-    """Return the vehicle that MuJoCo makes of a file, in this process, without arrays."""
+def vehicle_by_mujoco(request: Request) -> dict[str, Any]:
+    """Return the vehicle that MuJoCo reads in a file, as data for JSON."""
     import mujoco
 
     from eqt_cli.extensions.vehicles.mjcf import vehicle_of
 
-    _limit()
+    _limit_time_and_memory()
     vehicle = asdict(vehicle_of(mujoco, request))
     record: dict[str, Any] = json.loads(json.dumps(vehicle, default=lambda x: x.tolist()))
     return record
 
 
-def _limit() -> None:
+def _limit_time_and_memory() -> None:
     """Limit this process from here on, where the system can: not on Windows."""
     with suppress(ImportError, ValueError, OSError):
         import resource

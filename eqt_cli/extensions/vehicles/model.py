@@ -87,18 +87,8 @@ def mass_and_tensor(name: str, element: Element, mass: float, entry: Entry) -> t
 def check_joined(
     links: dict[str, Link], joints: dict[str, Joint], base: str, without: Sequence[str]
 ) -> None:
-    """Refuse links that no joint holds to the base: they are bodies of their own."""
-    held, left = {base}, list(joints.values())
-    ends: dict[str, list[str]] = {}
-    for joint in left:
-        ends.setdefault(joint.parent, []).append(joint.child)
-        ends.setdefault(joint.child, []).append(joint.parent)
-    reached = [base]
-    while reached:
-        for other in ends.get(reached.pop(), ()):
-            if other not in held and other != "world":
-                held.add(other)
-                reached.append(other)
+    """Refuse links that no chain of joints holds to the base: they are other bodies."""
+    held = _links_held_to(base, joints)
     for name, link in links.items():
         if name not in held:
             remedy = f"add the joint, or leave the link out: --without {name}"
@@ -108,3 +98,18 @@ def check_joined(
                 f"{link.place}: no joint holds link {name} to {base}, so that it is another body; "
                 f"{remedy}"
             )
+
+
+def _links_held_to(base: str, joints: dict[str, Joint]) -> set[str]:
+    """Return the base and all links that joints hold to it, but over the world."""
+    neighbours: dict[str, list[str]] = {}
+    for joint in joints.values():
+        neighbours.setdefault(joint.parent, []).append(joint.child)
+        neighbours.setdefault(joint.child, []).append(joint.parent)
+    held, waiting = {base}, [base]
+    while waiting:
+        for link in neighbours.get(waiting.pop(), ()):
+            if link not in held and link != "world":
+                held.add(link)
+                waiting.append(link)
+    return held

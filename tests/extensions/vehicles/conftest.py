@@ -26,7 +26,8 @@ def without_process(monkeypatch):
     """Let xacro and MuJoCo read files here: to start a process takes longer than a test may."""
 
     def answer(kind, request):
-        return child.xacro_here(request) if kind == "xacro" else child.mjcf_here(request)
+        read = child.expanded_by_xacro if kind == "xacro" else child.vehicle_by_mujoco
+        return read(request)
 
-    monkeypatch.setattr(child, "_limit", lambda: None)
+    monkeypatch.setattr(child, "_limit_time_and_memory", lambda: None)
     monkeypatch.setattr(contained, "answer", answer)
