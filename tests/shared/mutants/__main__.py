@@ -1,5 +1,6 @@
 """`python -m mutants`: plants faults in the mathematical core, chosen by a seed, one at a time.
 
+With `--extension NAME`, in an extension, which the tests in its folder must tell.
 Tries each on the tests that reach it and says which are not told. Those in equivalent.yaml, which
 change nothing that can be seen, do not count. Outcomes are kept in build/mutants, so that a second
 call goes on, or tries the survivors `--again`.
@@ -20,7 +21,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mutants.mutations import Mutant, core_files, mutants_of
+from mutants.mutations import CORE, Mutant, mutants_of, source_files
 from mutants.trials import KILLED, KNOWN, ROOT, SURVIVED, TIMEOUT, UNTESTED, Trials
 
 TESTS = (
@@ -67,9 +68,10 @@ def main() -> int:
     """1 if more than `--least` of the mutants that count are not told."""
     options = _options()
     equivalent = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or {}
-    drawn = _drawn(options.seed, options.only)
+    drawn = _drawn(options)
     sample = [mutant for mutant in drawn if mutant.key not in equivalent][: options.count]
-    kept = KNOWN / f"seed-{options.seed}{'-quick' * options.quick}.json"
+    name = "-".join(filter(None, (options.extension, "quick" if options.quick else "")))
+    kept = KNOWN / f"seed-{options.seed}{name and '-' + name}.json"
     known: dict[str, list[str]] = json.loads(kept.read_text()) if kept.exists() else {}
 
     def done(mutant: Mutant, outcome: str, told: str) -> None:
@@ -87,10 +89,14 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m mutants", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="which mutants are drawn")
     parser.add_argument("--count", type=int, default=300, help="how many count")
+    parser.add_argument("--extension", default="", help="in this extension, in place of the core")
     parser.add_argument("--only", default="", help="in files whose path contains this")
     parser.add_argument("--trials", type=int, help="at most so many now")
     parser.add_argument("--quick", action="store_true", help="by the tests of `make test` alone")
     parser.add_argument("--again", action="store_true", help="try survivors anew")
+    parser.add_argument(
+        "--tests", action="append", default=[], help="further tests of the extension"
+    )
     parser.add_argument(
         "--ignore", action="append", default=[], help="a file of tests to leave out"
     )
@@ -99,11 +105,13 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _drawn(seed: int, only: str) -> list[Mutant]:
-    """All mutants of the core, in the order of the seed: a change of one file moves no other's."""
-    files = [file for file in core_files(ROOT) if only in file.as_posix()]
+def _drawn(options: argparse.Namespace) -> list[Mutant]:
+    """All mutants there are, in the order of the seed: a change of one file moves no other's."""
+    places = [f"extensions/{options.extension}"] if options.extension else CORE
+    files = [file for file in source_files(ROOT, places) if options.only in file.as_posix()]
     found = [mutant for file in files for mutant in mutants_of(ROOT, file)]
-    return sorted(found, key=lambda mutant: sha256(f"{seed} {mutant.key}".encode()).digest())
+    order = {m.key: sha256(f"{options.seed} {m.key}".encode()).digest() for m in found}
+    return sorted(found, key=lambda mutant: order[mutant.key])
 
 
 def _is_open(outcome: list[str] | None, again: bool) -> bool:
@@ -120,7 +128,10 @@ def _try(
         os.environ["PYTEST_DEBUG_TEMPROOT"] = folder
         ignored = [f"--ignore={file}" for file in options.ignore]
         fast = ["-m", "not ci", "-p", "no:cacheprovider", "-p", "no:xdist"]
-        arguments = ["-q", "-s", *fast, *ignored, *(["tests"] if options.quick else TESTS)]
+        tests = ("tests",) if options.quick else TESTS
+        if options.extension:
+            tests = (f"tests/extensions/{options.extension}", *options.tests)
+        arguments = ["-q", "-s", *fast, *ignored, *tests]
         code = pytest.main(arguments, plugins=[Trials(mutants, options.workers, done)])
     if code:
         sys.exit(f"the tests of the core cannot be run: {code!r}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import copy
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,10 +103,10 @@ class Mutant:
         return f"{self.path} {self.function or '-'}: {self.change}{nth}"
 
 
-def core_files(root: Path) -> list[Path]:
-    """The source files of the core."""
+def source_files(root: Path, places: Iterable[str] = CORE) -> list[Path]:
+    """The source files of the core, or of other places below `eqt_cli`."""
     found: list[Path] = []
-    for name in CORE:
+    for name in places:
         place = root / "eqt_cli" / name
         found += [place] if place.suffix else sorted(place.rglob("*.py"))
     return [file for file in found if file.relative_to(root / "eqt_cli").as_posix() not in READERS]
