@@ -25,6 +25,7 @@ from eqt_cli.extensions.logs.log_table import open_sheet
 from eqt_cli.extensions.logs.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.logs.recording import read_log, recorded_names
 from eqt_cli.extensions.logs.recording_check import Recording, recording_of
+from eqt_cli.extensions.logs.setpoints import setpoints_of
 from eqt_cli.extensions.logs.tables import text_of_recording, with_columns
 
 MappingSource: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -256,7 +257,8 @@ def log_errors(
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
     if flight is None and second is None and format == "csv":
         with _read(path, mapping, format) as (text, name, *_):
-            flight, mapping = logs.flight_of_table(text, name), None
+            flight = logs.flight_of_table(text, name)
+        mapping = mapping if flight is None else None
     of_second = mapping if second_mapping is None else second_mapping
     other = None if second is None else _flight(second, of_second)
     if second is not None and second_mapping is None and (flight is None) != (other is None):
@@ -273,21 +275,52 @@ def log_errors(
         about = None if flight else _point(path, mapping, format)
         goals = _series(second, other, of_second, second_format or format, setpoint, about=about)
     elif flight is None:
-        raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
+        goals = _setpoints(path, mapping, format)
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         goals = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight, disarmed)
     actual, wanted = _chosen(measured, goals, second is None and setpoint is None)
+    shared, remarks = dict(_shared(actual, wanted)), list[str]()
+    if {*shared} == {*wanted}:
+        remarks = [f"measured and wanted are the same columns, {x}" for x in shared.values()][:1]
+    else:
+        wanted = {q: series for q, series in wanted.items() if q not in shared}
+        remarks = [f"{q}: left out, as both are {columns}" for q, columns in shared.items()]
     begins = [t for series in actual.values() for t in series.times[:1]]
     span = [_instant(*bound, begins) for bound in (("begin", begin), ("end", end))]
     errors = logs.tracking_errors(f"{path}", actual, wanted, spans, association, align, parts, span)
-    errors = errors._replace(flight=flight)
+    errors = errors._replace(flight=flight, remarks=(*errors.remarks, *remarks))
     if out is not None:
         from eqt_cli.extensions.logs.figures import save_errors  # slow to import
 
         save_errors(errors, f"{path}", Path(out))
     return errors
+
+
+def _setpoints(path: Any, mapping: Any, format: str) -> dict[str, list[Series]]:
+    """Return the series of the setpoints that stand in the table of the measurement."""
+    with _read(path, mapping, format) as (text, name, kind, columns):
+        both = setpoints_of(text, name, columns) if kind == "csv" else None
+        if both is None or not {"position", "attitude"} & {*both.quantities}:
+            advice = "name their columns in a mapping, `setpoint: {x: …, y: …, z: …}`, or give a "
+            raise EqtError(f"{path}: has no columns of setpoints, as x_ref; {advice}second file")
+        G = logs.largest_group(both.text, name, kind, both.mapping)
+        motions = logs.motions_of(read_log(both.text, name, kind, G, both.mapping))
+        topics = both.quantities
+        return {
+            q: [one._replace(topic=topics[q], fields=())]
+            for q, one in motions.items()
+            if q in topics
+        }
+
+
+def _shared(actual: dict[str, Series], wanted: dict[str, Series]) -> Iterator[tuple[str, str]]:
+    """Yield the quantities whose measurement and setpoint are the same columns of one file."""
+    for q in [q for q in actual if q in wanted]:
+        one, other = actual[q], wanted[q]
+        if one.topic == other.topic and one.fields and [*one.fields] == [*other.fields]:
+            yield q, f"{', '.join(one.fields)} of {one.topic}"
 
 
 def _instant(name: str, value: float | str, begins: Sequence[float]) -> float:

@@ -21,6 +21,7 @@ from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.extensions.logs import geodetic
 from eqt_cli.extensions.logs.geodetic import Geodetic, Positions
+from eqt_cli.extensions.logs.usual_names import usual_columns, usual_time
 
 # Units of columns, and what messages name of a mapping --------------------------------------------
 
@@ -114,6 +115,9 @@ MAX_SHOWN = 30
 
 MAX_DIGITS = 19
 """Most digits of a time in nanoseconds; enough until the year 2262."""
+
+FIRST = 50
+"""Number of rows that show whether a column is a time in s."""
 
 CHUNK = 20_000
 """Number of lines to read at once; where that fails, they are searched for the first error."""
@@ -406,12 +410,30 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
     units = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
+    usual = _usual(eqt_names, units, lines[:FIRST], mapping)
+    eqt_names = [usual.get(eqt, (eqt,))[0] for eqt in eqt_names]
+    units |= {eqt: units.pop(other, "") or unit for other, (eqt, unit) in usual.items()}
     sheet = Sheet(
         name, eqt_names, headings, units, ",", lines, numbers[1:], number, False, order, damaged
     )
     geodetic.refuse_lengths(mapping, units_of)
     angles = geodetic.geodetic_of(eqt_names, headings, units, mapping)
     return sheet if angles is None or not lines else sheet.with_positions(angles, mapping)
+
+
+def _usual(
+    names: list[str], units: Mapping[str, str], lines: list[str], mapping: LogMapping
+) -> dict[str, tuple[str, str]]:
+    """Return eqt's name and the unit of columns that are named as in other programs."""
+    has_angles = mapping.geodetic is not None or any(map(geodetic.is_angle, names))
+    taken = {*names, *geodetic.AXES} if has_angles else {*names}
+    columns = usual_columns(names, taken)
+    usual = {heading: (eqt, unit) for eqt, (heading, unit) in columns.items()}
+    if "t" not in names:
+        rows = [_entries(line, ",") for line in lines]
+        if time := usual_time(names, units, rows):
+            usual[time] = "t", ""
+    return usual
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
@@ -450,10 +472,10 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
     for name, heading in mapping.columns.items():
         if heading not in headings:
             hint = suggestion(heading, headings) or "; write a heading of the file, without a unit"
-            if name in headings and not _is_eqt_name(name):
+            if name in headings and not is_eqt_name(name):
                 hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
-        if not _is_eqt_name(name) and name not in geodetic.NAMES:
+        if not is_eqt_name(name) and name not in geodetic.NAMES:
             examples = ", ".join(
                 ("t", *pose_tables.QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx")
             )
@@ -465,7 +487,7 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
     names = []
     for heading in headings:
         spellings = (heading, heading.lower(), heading.capitalize())
-        name = next(filter(_is_eqt_name, spellings), heading)
+        name = next(filter(is_eqt_name, spellings), heading)
         names.append(mapped.get(heading, f"{heading} (file)" if name in mapping.columns else name))
     numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if numbered is None or set(pose_tables.QUATERNION) & set(names):
@@ -515,7 +537,7 @@ def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> She
     return Sheet(name, names, names, units, delimiter, lines, numbers, 1, is_euroc, order)
 
 
-def _is_eqt_name(name: str) -> bool:
+def is_eqt_name(name: str) -> bool:
     """Whether eqt has a column of this name."""
     return bool(units_of(name) or _WITHOUT_UNIT.fullmatch(name))
 

@@ -38,6 +38,7 @@ from eqt_cli.extensions.logs.recording import GAP, WRENCH, Log, in_span, read_lo
 
 
 MAX_BYTES = 400_000_000  # of a file; its table has a bound of its own
+HEAD = 20_000  # characters of a table that have its header
 SMALLER = "log fewer topics, or a part of the flight"  # advice for a larger file
 # What a file may take of the processor, at first and with its size; bags take 0.2 s per MB.
 SECONDS, BYTES_PER_SECOND = 6.0, 1e6
@@ -326,6 +327,8 @@ def flight_of(path: Path) -> Flight:
 
 def flight_of_table(text: str, name: str) -> Flight | None:
     """Return the rates and their setpoints in a table of Betaflight; None for another table."""
+    if "gyroADC" not in text[:HEAD]:
+        return None
     sheet = open_sheet(text, name, "csv", LogMapping())
     used = [field for source in sources_of("blackbox") for field in source.fields.split()]
     if not {"t", *used} <= {*sheet.names}:
@@ -725,8 +728,12 @@ def motions_of(log: Log) -> dict[str, Series]:
         numbers["velocity"] = apply_matrix(R, V[:, -3:])
     finite = {name: values for name, values in numbers.items() if np.isfinite(values).all()}
     times, odd = own_times(log), left_out(log.table)
+    heading = dict(zip(log.sheet.names, log.sheet.headings, strict=True))
+    named = {"attitude": log.columns.names[: -3 * bool(G.columns) or None]}
+    named |= {q: COLUMNS[q].split() for q in ("position", "velocity", "rates")}
     return {
-        quantity: Series(name, times, values, left_out=odd) for quantity, values in finite.items()
+        q: Series(name, times, values, [heading[x] for x in named[q] if x in heading], left_out=odd)
+        for q, values in finite.items()
     }
 
 

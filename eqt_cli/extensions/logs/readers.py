@@ -12,7 +12,9 @@ import math
 import re
 import shutil
 import sqlite3
+import struct
 import sys
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import closing, redirect_stdout, suppress
 from importlib import import_module
@@ -267,14 +269,94 @@ def _joined(axes: list[tuple[Any, dict[str, Any]]]) -> tuple[Any, dict[str, Any]
     return t[near], {name: numbers[near] for name, numbers in joined.items()}
 
 
+def crazyflie(
+    path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]
+) -> Iterator[Topic]:
+    """Read a log of the SD-card deck of a Crazyflie; each event has a topic with its own times.
+
+    A head names the events and their variables, each with the letter of its type in `struct`; rows
+    follow as they came, and a CRC-32 ends the file (`usddeck.c` of the firmware, versions 1 and 2).
+    Without it, the log was cut or damaged, and rows are read as far as they are whole.
+    """
+    data = Path(path).read_bytes()
+    version, names, layouts, at = _events(data)
+    is_whole = len(data) >= at + 4 and zlib.crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
+    end, starts = len(data) - 4 * is_whole, dict[int, list[int]]()
+    while at + 2 <= end and (number := data[at] + 256 * data[at + 1]) in layouts:
+        if at + layouts[number].itemsize > end:
+            break
+        starts.setdefault(number, []).append(at)
+        at += layouts[number].itemsize
+    numbers = np.frombuffer(data, np.uint8)
+    for number, places in starts.items():
+        layout = layouts[number]
+        rows = numbers[np.add.outer(places, np.arange(layout.itemsize))].view(layout)[:, 0]
+        fields = {name: rows[name].astype(float) for name in layout.names[2:]}
+        for name in [name for name in fields if re.match("(stateEstimate|ctrltarget)Z", name)]:
+            fields[name] /= 1e3  # whole numbers of mm, mm/s and mrad/s, but for the quaternion
+        if (name := "stateEstimateZ.quat") in fields:
+            fields |= _unpacked(rows[name].astype(np.uint32))
+        if "stateEstimate.pitch" in fields:  # the firmware's grows with the nose up
+            fields["stateEstimate.pitch"] = -fields["stateEstimate.pitch"]
+        times = rows["time"].astype(np.int64) * (1000 if version == 2 else 10**6)
+        yield Topic(names[number], "crazyflie/event", len(rows), times, fields)
+    if not is_whole:
+        yield Topic("", "damaged", 0, np.empty(0, int), {})
+
+
+def _events(data: bytes) -> tuple[int, dict[int, str], dict[int, Any], int]:
+    """Return version, names and layouts of the events of a log, and where its rows begin."""
+    version, count = struct.unpack_from("<HH", data, 1)
+    if version not in (1, 2):
+        raise ValueError(f"version {version} of the log is unknown; eqt reads 1 and 2")
+    at, names, layouts = 5, dict[int, str](), dict[int, Any]()
+    stamp = [("event", "<u2"), ("time", "<u8" if version == 2 else "<u4")]
+    for _ in range(count):
+        (number,), at = struct.unpack_from("<H", data, at), at + 2
+        names[number], at = _terminated(data, at)
+        (size,), at = struct.unpack_from("<H", data, at), at + 2
+        variables = []
+        for _ in range(size):
+            words, at = _terminated(data, at)
+            name, _, kind = words.rstrip(")").rpartition("(")
+            if kind not in tuple("bBhHiIqQefd"):
+                raise ValueError(f"type '{kind}' of {name} is unknown")
+            variables.append((name, f"<{kind}".replace("<i", "<i4").replace("<I", "<u4")))
+        layouts[number] = np.dtype(stamp + variables)
+    return version, names, layouts, at
+
+
+def _terminated(data: bytes, at: int) -> tuple[str, int]:
+    """Return the text up to the next byte 0, and the place behind it."""
+    end = data.index(0, at)
+    return data[at:end].decode(), end + 1
+
+
+def _unpacked(words: Any) -> dict[str, Any]:
+    """Return quaternions that are packed into 32 bits (`quatcompress.h` of the firmware).
+
+    Two bits number the largest part of x, y, z, w; the others have a sign and nine bits of √2 times
+    their size, the last one lowest.
+    """
+    largest, parts = words >> 30, np.zeros((len(words), 4))
+    for k in range(3, -1, -1):
+        here = largest != k
+        sizes = (words & 511) / (511 * np.sqrt(2))
+        parts[here, k] = np.where(words & 512, -sizes, sizes)[here]
+        words = np.where(here, words >> 10, words)
+    rows = np.arange(len(words))
+    parts[rows, largest] = np.sqrt(1 - (parts**2).sum(axis=1))
+    return {f"stateEstimateZ.q{axis}": parts[:, k] for k, axis in enumerate("xyzw")}
+
+
 def main(path: str, format: str, seconds: str) -> None:
     """Read a file, and write what is in it to stdout: a description in JSON, and arrays.
 
     Of the processor it may take so many seconds, without the imports.
     """
-    reader = {"ulog": ulog, "bag": bag, "dataflash": dataflash}[format]
+    reader = {"ulog": ulog, "bag": bag, "dataflash": dataflash, "crazyflie": crazyflie}[format]
     with redirect_stdout(io.StringIO()):  # readers print warnings
-        for package in PACKAGES[format].split():
+        for package in PACKAGES.get(format, "").split():
             import_module(package)
         with suppress(ImportError):  # Windows has no such limit
             import resource

@@ -88,7 +88,8 @@ def require_pose(
         alias = next(
             (header for header in sheet.names if header.lower() in log_table.LOOKS_LIKE["t"]), None
         )
-        hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
+        adds = f"`columns: {{t: {alias}}}`, and `units: {{t: ms}}` or its unit if that is not s,"
+        hint = f"; add {adds} if {alias} is the time" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
     forms, coordinates = pose_tables.forms_of_pose(G), pose_tables.coordinate_names(G)
     if used := pose_tables.used_columns(sheet.names, G):

@@ -7,7 +7,7 @@ the four numbers of Hamilton's rotation that takes coordinates in B to coordinat
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -61,8 +61,8 @@ def text_of_recording(
                 raise InputError(
                     f"{path}: begins as {title}, but goes on otherwise{place}"
                 ) from None
-            return text
-    return with_commas(text, path)
+            return with_plain_cells(text, path) if name == "iso" else text
+    return with_plain_cells(with_commas(text, path), path)
 
 
 def _unicode(path: Path, limit: int) -> str:
@@ -237,8 +237,8 @@ def _nanoseconds(stamp: str) -> int:
 
 
 def _iso(text: str, path: Path) -> str:
-    head, *rows = (line.split(",") for line in text.splitlines())
-    k = next(k for k, cell in enumerate(rows[0]) if re.match(r'"? *\d{4}-\d\d', cell))
+    head, *rows = csv.reader(text.removeprefix("\ufeff").splitlines())
+    k = next(k for k, cell in enumerate(rows[0]) if re.match(r" *\d{4}-\d\d", cell))
     head[k] = re.sub(r"\W.*", "", head[k].strip()) + " (ns)"
     for number, cells in enumerate(rows, 2):
         try:
@@ -247,7 +247,88 @@ def _iso(text: str, path: Path) -> str:
             raise InputError(
                 f"{path}:{number}: expected a time as 2024-03-05T10:11:12.5Z"
             ) from None
-    return "\n".join([*map(",".join, [head, *rows]), ""])
+    return _of_cells([head, *rows])
+
+
+def _of_cells(rows: Iterable[Sequence[str]]) -> str:
+    """Return the text of a table of cells, a line each."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(rows)
+    return stream.getvalue()
+
+
+WITH_UNIT = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.,;:\[\]{}()_+-][^\d\s,;:]*)\s*"
+)
+"""A number with its unit behind it: ``4.65 °/s``."""
+
+LIST = re.compile(r"\s*\[[^\"]*\]\s*")
+"""A cell that holds a list: ``[0.33, -0.07, 2.17]``."""
+
+
+def with_plain_cells(text: str, path: Path) -> str:
+    """Return a table whose cells are numbers, where some hold a list or a number with its unit.
+
+    A list becomes columns, ``p`` those of ``p[0]``, ``p[1]`` and so on; a unit goes to the heading.
+
+    Raises
+    ------
+    InputError
+        If the cells of a column hold lists of other lengths, or other units.
+    """
+    first_row = text.partition("\n")[2].partition("\n")[0]
+    if not re.search(r"[\"°%]|\d ?[^\W\d_eE]", first_row):
+        return text
+    rows = [*csv.reader(text.removeprefix("\ufeff").splitlines())]
+    head, first = rows[:2]
+    if head and not head[0].strip():
+        head[0] = "row"  # an index, as pandas writes it
+    if len(first) != len(head):
+        return text
+    lists = {k: len(_list_of(cell)) for k, cell in enumerate(first) if LIST.fullmatch(cell)}
+    units = {k: match[2] for k, cell in enumerate(first) if (match := WITH_UNIT.fullmatch(cell))}
+    if not lists and not units:
+        return text
+    for number, cells in enumerate(rows[1:], 2):
+        if len(cells) == len(head):  # others are told where columns are counted
+            try:
+                _make_plain(cells, units, lists)
+            except _OddCellError as error:
+                place, wanted = f"{path}:{number}", f"{error}, as in the first row"
+                raise InputError(
+                    f"{place}: expected {wanted}, in column {head[error.column]}"
+                ) from None
+    names = [f"{name} ({units[k]})" if k in units else name for k, name in enumerate(head)]
+    for k, count in sorted(lists.items(), reverse=True):
+        names[k : k + 1] = [f"{names[k]}[{i}]" for i in range(count)]
+    return _of_cells([names, *rows[1:]])
+
+
+class _OddCellError(ValueError):
+    """Raised for a cell of a column that is not what the first row has; it says what that is."""
+
+    def __init__(self, column: int, wanted: str) -> None:
+        super().__init__(wanted)
+        self.column = column
+
+
+def _make_plain(cells: list[str], units: Mapping[int, str], lists: Mapping[int, int]) -> None:
+    """Make numbers of the cells of a row, in place: by column, their unit or the size of a list."""
+    for k, unit in units.items():
+        match = WITH_UNIT.fullmatch(cells[k])
+        if cells[k].strip() and (match is None or match[2] != unit):
+            raise _OddCellError(k, f"a number in {unit}")
+        cells[k] = match[1] if match else ""
+    for k, count in sorted(lists.items(), reverse=True):
+        some = _list_of(cells[k]) if cells[k].strip() else [""] * count
+        if len(some) != count:
+            raise _OddCellError(k, f"a list of {count} numbers")
+        cells[k : k + 1] = some
+
+
+def _list_of(cell: str) -> list[str]:
+    """Return the numbers in a list, also in nested ones and in those that NumPy prints."""
+    return re.sub(r"[\[\],;]", " ", cell).split()
 
 
 def _aem(text: str, path: Path) -> str:

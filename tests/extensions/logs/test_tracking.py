@@ -579,7 +579,8 @@ def test_rest_and_a_straight_line_leave_the_delay_open(motion):
 def test_a_table_has_no_setpoints():
     Path("f.csv").write_text("t,x,y,z\n0,0,0,0\n1,1,0,0\n")
     assert refusal(EqtError, eqt_cli.log_errors, "f.csv") == (
-        "f.csv: a table has no setpoints; give a second file with them"
+        "f.csv: has no columns of setpoints, as x_ref; name their columns in a mapping, "
+        "`setpoint: {x: …, y: …, z: …}`, or give a second file"
     )
     Path("g.ulg").write_bytes(ulog(("vehicle_local_position", LOCAL, [(1, 0, 0, 0), (9, 0, 0, 0)])))
     assert says(refusal(InputError, eqt_cli.log_errors, "g.ulg"), "g.ulg: measured: position…")
