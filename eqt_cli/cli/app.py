@@ -102,7 +102,8 @@ def _hint(typed: str, context: Any) -> str:
     for parameter in context.command.params:  # a format typed as an option, such as --latex
         if "--format" in parameter.opts and value in re.findall(r"\w+", parameter.help or ""):
             return f"; did you mean '--format {value}'?"
-    options = [name.lstrip("-") for parameter in context.command.params for name in parameter.opts]
+    offered = (one for one in context.command.params if one.param_type_name == "option")
+    options = [name.lstrip("-") for parameter in offered for name in parameter.opts]
     return suggestion(typed.lstrip("-"), options).replace("'", "'--", 1)
 
 

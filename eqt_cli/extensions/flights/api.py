@@ -118,9 +118,12 @@ def compare_flights(
     rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
     ordered = [x for two in (zip(*rows, strict=True) if pair else rows) for x in two]
     tracked, turns = partial(log_errors, **how), within[: len(within) // 2 * 2]
+    shifts = dict[Path, float]()
     with step("flights", len(ordered)):
-        flown = [*flights.read_flights(ordered, tracked, of, period, turns)]
+        noted = flights.with_shifts(tracked, shifts) if how.get("second") else tracked
+        flown = [*flights.read_flights(ordered, noted, of, period, turns)]
     comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
+    comparison.notes.extend(flights.remarks_on_shifts(shifts))
     if out is not None:
         from eqt_cli.extensions.flights.figures import save_flights  # slow to import
 

@@ -23,6 +23,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import content_of
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
+from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
 from eqt_cli.extensions.logs.recording import GAP
 
@@ -147,7 +148,9 @@ def files_in(path: Any) -> list[Path]:
     folder = path_from("paths", path)
     if not folder.is_dir() or (folder / "metadata.yaml").exists():
         return [folder]
-    return sorted(x for x in folder.iterdir() if x.suffix.lower() in (*FORMATS_BY_SUFFIX, ".csv"))
+    suffixes = (*FORMATS_BY_SUFFIX, ".csv")
+    files = (file for file in folder.iterdir() if file.is_file() or file.suffix)
+    return sorted(file for file in files if file.suffix.lower() in suffixes or format_of(file))
 
 
 def seconds_of(times: Array) -> float:
@@ -228,6 +231,45 @@ def read_flights(
         if not within:
             yield flown((side, f"{file}", digest), tracking, of, cuts)
         reporter().advance(1)
+
+
+MOST_APART = 0.25
+"""Largest difference of the shifts in time that fit flights best to one desired motion, s."""
+
+
+def with_shifts(tracked: Tracked, shifts: dict[Path, float]) -> Tracked:
+    """Return a function that also notes the shift in time that fits a flight best, if any, s."""
+
+    def noted(file: Path) -> TrackingErrors:
+        errors = tracked(file)
+        delay = next((size.delay for size in errors.sizes if math.isfinite(size.delay)), None)
+        if delay is not None:
+            shifts[file] = delay
+        return errors
+
+    return noted
+
+
+def remarks_on_shifts(shifts: Mapping[Path, float]) -> Iterator[str]:
+    """Say by how much flights are late of one desired motion; refuse those that start otherwise.
+
+    Raises
+    ------
+    EqtError
+        If the shifts of two flights are further apart than `MOST_APART`: then it is not the motion
+        that one of them was told to follow.
+    """
+    if not shifts:
+        return
+    first, last = min(shifts, key=lambda file: shifts[file]), max(shifts, key=shifts.__getitem__)
+    ends = f"{shifts[first]:.3g} s ({first}) to {shifts[last]:.3g} s ({last})"
+    if shifts[last] - shifts[first] > MOST_APART:
+        advice = "give each flight its own setpoints: columns of its table, or its log"
+        raise EqtError(
+            f"second: the shift in time that fits a flight best is from {ends}, which is more than "
+            f"{MOST_APART:g} s apart: one desired motion does not fit them all; {advice}"
+        )
+    yield f"the desired motion fits flights best with a shift of {ends}"
 
 
 # Two sides ----------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from eqt_cli.base.units import factor
 from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.extensions.logs import frames, logs
+from eqt_cli.extensions.logs import frames, logs, lost_telemetry
 from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.log_table import open_sheet
 from eqt_cli.extensions.logs.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
@@ -83,6 +83,13 @@ def check_log(
     G, flight = None if group is None else group_named(group), _flight(path)
     with _read(path, mapping, format, flight) as log:
         check = logs.check_text(*log, G)
+        text, name, kind, columns = log
+        if (
+            flight is None
+            and kind == "csv"
+            and (lost := lost_telemetry.remark(text, name, columns))
+        ):
+            check.notes.append(lost)
     more: Any = {"topics": [*logs.topics_of(flight)], "format": flight.format} if flight else {}
     return replace(check, **more)
 
@@ -255,6 +262,7 @@ def log_errors(
         raise EqtError(f"relative: {expected}, got {relative!r}")
     parts = None if relative is None else (size, over[2] or "")
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
+    remarks = list[str]()
     if flight is None and second is None and format == "csv":
         with _read(path, mapping, format) as (text, name, *_):
             flight = logs.flight_of_table(text, name)
@@ -275,18 +283,18 @@ def log_errors(
         about = None if flight else _point(path, mapping, format)
         goals = _series(second, other, of_second, second_format or format, setpoint, about=about)
     elif flight is None:
-        goals = _setpoints(path, mapping, format)
+        goals, remarks = _setpoints(path, mapping, format)
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         goals = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight, disarmed)
     actual, wanted = _chosen(measured, goals, second is None and setpoint is None)
-    shared, remarks = dict(_shared(actual, wanted)), list[str]()
+    shared = dict(_shared(actual, wanted))
     if {*shared} == {*wanted}:
-        remarks = [f"measured and wanted are the same columns, {x}" for x in shared.values()][:1]
+        remarks += [f"measured and wanted are the same columns, {x}" for x in shared.values()][:1]
     else:
         wanted = {q: series for q, series in wanted.items() if q not in shared}
-        remarks = [f"{q}: left out, as both are {columns}" for q, columns in shared.items()]
+        remarks += [f"{q}: left out, as both are {columns}" for q, columns in shared.items()]
     begins = [t for series in actual.values() for t in series.times[:1]]
     span = [_instant(*bound, begins) for bound in (("begin", begin), ("end", end))]
     errors = logs.tracking_errors(f"{path}", actual, wanted, spans, association, align, parts, span)
@@ -298,8 +306,8 @@ def log_errors(
     return errors
 
 
-def _setpoints(path: Any, mapping: Any, format: str) -> dict[str, list[Series]]:
-    """Return the series of the setpoints that stand in the table of the measurement."""
+def _setpoints(path: Any, mapping: Any, format: str) -> tuple[dict[str, list[Series]], list[str]]:
+    """Return the series of the setpoints in the table of the measurement, and remarks on it."""
     with _read(path, mapping, format) as (text, name, kind, columns):
         both = setpoints_of(text, name, columns) if kind == "csv" else None
         if both is None or not {"position", "attitude"} & {*both.quantities}:
@@ -307,12 +315,12 @@ def _setpoints(path: Any, mapping: Any, format: str) -> dict[str, list[Series]]:
             raise EqtError(f"{path}: has no columns of setpoints, as x_ref; {advice}second file")
         G = logs.largest_group(both.text, name, kind, both.mapping)
         motions = logs.motions_of(read_log(both.text, name, kind, G, both.mapping))
-        topics = both.quantities
-        return {
-            q: [one._replace(topic=topics[q], fields=())]
+        goals = {
+            q: [one._replace(topic=both.quantities[q], fields=())]
             for q, one in motions.items()
-            if q in topics
+            if q in both.quantities
         }
+        return goals, [*filter(None, [lost_telemetry.remark(text, name, columns)])]
 
 
 def _shared(actual: dict[str, Series], wanted: dict[str, Series]) -> Iterator[tuple[str, str]]:
