@@ -4,7 +4,7 @@ import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from math import log
+from math import exp, log
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle, navigates, without_inner
 from eqt_cli.config.document import value_at
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
-from eqt_cli.engines.engine import Problem, Work
+from eqt_cli.engines.engine import Engine, Problem, Work
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -423,6 +423,10 @@ unstable. Of the shipped loops, which settle, the largest is 1.8 (`quadrotor_lee
 HOPELESS = 1e8
 """The same by the rate where the reference begins, if no more of it is known; shipped: 2e4."""
 
+NEAR, FAR = 1e3, 1e4
+"""How far apart flights start in velocity, in tolerances of the engine, and by which factor they
+part at the rate of an unstable loop; by its square root, they part indeed."""
+
 MOST_ENTRIES = 200_000
 """Largest number of matrix entries over all times; at 9 times, this allows 149 states."""
 
@@ -452,7 +456,8 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
                 if not np.isfinite(linear.closed).all():
                     continue
                 rate = _least_growth(linear)
-            if rate * horizon > log(HOPELESS if begins else CERTAIN):
+            is_certain = rate * horizon > log(HOPELESS if begins else CERTAIN)
+            if is_certain and part(experiment.engine, loop, along, rate, horizon):
                 where = "where the reference begins" if begins else "wherever the reference is held"
                 yield (
                     f"the loop of '{label}' is unstable {where}: small errors grow at {rate:.3g} "
@@ -478,6 +483,23 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
             + (f", leaving out {omitted}" if omitted else "")
             + "; check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
         )
+
+
+def part(engine: Engine, loop: ClosedLoop, along: Along, rate: float, horizon: float) -> bool:
+    """Whether flights that start a little apart part as errors do that grow at a rate, 1/s.
+
+    The rate is of a loop that is held at its reference with the first memory of its law. A flight
+    has a steady error and another memory, where the loop may be stable.
+    """
+    _, Q, V = (values[:1] for values in along)
+    states = loop.initial_state(Q, V + np.array([[0.0], [NEAR * engine.rtol]]), Q, V)
+    stop = min(horizon, log(FAR) / rate)
+    solution = engine.solve(Problem(loop, states, np.array([0.0, stop])))
+    if solution.status.any():
+        return True
+    velocity = loop.tracking(stop, solution.states[:, -1]).V
+    first, last = V.size**0.5 * NEAR * engine.rtol, np.linalg.norm(velocity[1] - velocity[0])
+    return bool(last > exp(rate * stop / 2) * first)
 
 
 def _least_growth(linear: Linearised) -> float:

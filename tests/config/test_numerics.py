@@ -160,7 +160,10 @@ class Wrong(Controller):
 """
 
 
-@pytest.mark.parametrize("control", [None, {"period": 0.001}, {"period": 0.04}])
+FAST = pytest.param({"period": 0.001}, marks=pytest.mark.ci("flies 5,000 periods"))
+
+
+@pytest.mark.parametrize("control", [None, FAST, {"period": 0.04}])
 @pytest.mark.parametrize("shows", [True, False])
 def test_a_wrong_sign_is_told_at_any_clock(monkeypatch, tmp_path, control, shows):
     """With J = 2, a spring of 2 kp = 3 of the wrong sign and kd = 1: λ² + λ/2 − 3/2 = 0."""
@@ -176,6 +179,7 @@ def test_a_wrong_sign_is_told_at_any_clock(monkeypatch, tmp_path, control, shows
             reference=moves,
             control=control,
             time={"duration": 5, "samples": 11},
+            solver={"engine": "solve_ivp"},
         )
     ).base
     shown = base.reference_over_horizon() if shows else None  # `eqt run` looks at the start first
@@ -183,3 +187,43 @@ def test_a_wrong_sign_is_told_at_any_clock(monkeypatch, tmp_path, control, shows
     assert "'wrong' is unstable wherever the reference is held: small errors grow at" in said
     rate = float(said.split("grow at ")[1].split()[0])
     assert rate == pytest.approx(1.0, rel=0.03)  # a command that is held acts 0.02 s late
+
+
+WAKES = """
+import numpy as np
+from eqt_cli.extend import Controller
+
+class Wakes(Controller):
+    name = "wakes"
+    title = "Wakes"
+
+    def memory(self, G):
+        return {"m": 1}
+
+    def memory_rate(self, s):
+        return {"m": (LAST - s.memory["m"]) / 0.05}
+
+    def torque(self, s):
+        return s.tau_d + (1 - 3 * s.memory["m"]) * (s.V - s.Vd)
+"""
+
+
+@pytest.mark.parametrize(("last", "grows"), [(1.0, False), (0.0, True)])
+def test_growth_is_that_of_flights(monkeypatch, tmp_path, last, grows):
+    """Errors with J = 1: e′ = (1 − 3 m) e, and m goes from 0 to its last value in 0.05 s."""
+    monkeypatch.chdir(tmp_path)
+    Path("wakes.py").write_text(WAKES.replace("LAST", str(last)))
+    moves = {"kind": "rates", "rates": ["0.5*cos(t)", "0.3*sin(2*t)", 0.2], "pose": "identity"}
+    base = load_experiment(
+        mapping(
+            inertia=[1.0, 1.0, 1.0],
+            controllers=["wakes"],
+            plugins=["wakes.py"],
+            reference=moves,
+            time={"duration": 5, "samples": 11},
+            solver={"engine": "solve_ivp"},
+        )
+    ).base
+    told = [str(one) for one in remarks(base) if "unstable" in str(one)]
+    assert len(told) == grows
+    assert ("grow at 1 1/s" in "".join(told)) == grows
