@@ -212,6 +212,10 @@ def _is_diagonal(path: str) -> bool:
 # The numbers that follow keys ---------------------------------------------------------------------
 
 
+class MovesNothing(EqtError):
+    """No number of a run follows a key, such as a direction that decides the structure of a law."""
+
+
 @dataclass(frozen=True)
 class Inverse:
     """A matrix in a row of parameters whose inverse stands there, too."""
@@ -312,7 +316,7 @@ def effects(
             table = [row[name].ravel()[at].tolist() for row in rows]
             changes.append(Effect(name, at.tolist(), table=table))
     if not changes:
-        raise EqtError(
+        raise MovesNothing(
             f"{slider.key}: no number that the runs take follows it; expected a key as gains.kp"
         )
     return changes

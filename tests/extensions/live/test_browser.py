@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,53 @@ def test_moved_sliders_give_the_bits_of_eqt(browser, pages, kind, tmp_path):
     for law, kept in enumerate(got[1]):
         samples = np.array(kept).reshape(11, -1)
         assert samples[:, :9].tolist() == np.array(result["pose"])[law, 0].reshape(11, 9).tolist()
+
+
+PLUGIN = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Controller, exp
+
+
+@dataclass(frozen=True)
+class Stiffening(Controller):
+    name: ClassVar[str] = "stiffening"
+    title: ClassVar[str] = "Stiffening"
+
+    def torque(self, s):
+        r = s.relative
+        return r.cancelling_feedforward - 2 * r.gradient - exp(-s.V_tilde[..., :1]) * r.body_damping
+"""
+CASCADE = {
+    "group": "SE3",
+    "inertia": "[0.01, 0.01, 0.02, 1, 1, 1]",
+    "gains": None,
+    "reference": '{kind: flat, position: ["sin(t)", "0", "0"]}',
+    "controllers": "[{kind: cascade, attitude: stiffening, position: {kx: 2, kv: 2}, "
+    "gains: {kp: 0.2, kd: 0.1}, along: [0, 0, 1]}]",
+    "initial": "{pose: {kind: exp_normal, std: 0.1}, velocity: fixed}",
+    "model": "{forces: [{kind: restoring, weight: 9.80665}]}",
+    "plant": "{forces: [{kind: restoring, weight: 9.80665}]}",
+}
+
+
+@pytest.mark.parametrize(("more", "key", "value"), [
+    ({"controllers": "[eqt, stiffening]"}, "gains.kp", 1.6),
+    (CASCADE, "controllers[0].gains.kp", 0.3),
+])  # fmt: skip
+def test_a_law_of_a_plugin_computes_in_a_page(browser, tmp_path, more, key, value):
+    config = tmp_path / "c.yaml"
+    (tmp_path / "law.py").write_text(PLUGIN, encoding="utf-8")
+    config.write_text(configuration(solver=SOLVER, plugins="[law.py]", **more), encoding="utf-8")
+    page = opened(browser, api.live(config, tmp_path / "c.html", keys={key: f"0.1:{2 * value}"}))
+    assert re.fullmatch(r"All \d+ configured numbers equal.*", text(page, "#live-check"), re.DOTALL)
+    page.execute_script("eqtLive.fields[arguments[0]](arguments[1]); eqtLive.moved()", key, value)
+    numbers = settled(page).execute_script("return [...eqtLive.all]")
+    of_runs = np.array([np.inf if x is None else x for x in numbers], float)
+    steps = np.array(api.run(api.load_experiment(config, {key: value}), tmp_path / "r")["steps"])
+    of_runs = of_runs.reshape(*steps.shape, -1)
+    assert any(np.array_equal(steps, of_runs[..., k]) for k in range(of_runs.shape[-1]))
 
 
 def test_without_fused_multiply_add_the_page_says_by_how_much_it_differs(browser, pages):
