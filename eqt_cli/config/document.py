@@ -170,16 +170,21 @@ def overridden(document: Document, overrides: Sequence[str] | Mapping[str, str])
     Raises
     ------
     ConfigError
-        If overrides do not parse, or a path does not exist.
+        If overrides do not parse, a path does not exist, or a key is given two values.
     """
     problems: list[InputProblem] = []
     if EXTENDS in document.data:
         document = function_for(purposes.extends)(document)
     if not isinstance(overrides, Mapping):
         overrides = {f"overrides[{index}]": text for index, text in enumerate(overrides)}
+    first_of = dict[str, str]()
     for place, override in overrides.items():
+        key = override.partition("=")[0].strip()
         try:
             document = _overridden(document, override, place)
+            if (first := first_of.setdefault(dotted(parse_key(key)), override)) != override:
+                both = f"is given twice, as '{first}' and '{override}'; leave one of them out"
+                problems.append(InputProblem(key, both, place))
         except ConfigError as error:
             problems += error.problems
     if problems:

@@ -30,8 +30,10 @@ def test_an_override(experiment, override, path, value):
     assert value_at(experiment(override).resolved, path) == value
 
 
-def test_the_last_override_counts(experiment):
-    assert experiment("gains.kp=2", "gains.kp=3").resolved["gains"]["kp"] == 3.0
+def test_a_key_may_be_repeated_with_its_value_only(experiment, message):
+    assert experiment("gains.kp=2", "gains.kp=2").resolved["gains"]["kp"] == 2.0
+    said = "overrides[2]: gains.kp: is given twice, as 'gains.kp=2' and 'gains.kp=3'…"
+    assert says(message("gains.kp=2", "gains.kd=2", "gains.kp=3"), said)
 
 
 @from_yaml
