@@ -258,10 +258,10 @@ NO_UNIT = "a number that has no unit"
 """What is expected where an option declares no unit."""
 
 _WITH_A_UNIT = re.compile(
-    r"(?!0[xXbBoO])[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?(?: +|(?![eE]))(?!pi\b)"
-    r"[A-Za-zµμ%](?:[\w/*^²√ ]|sqrt\(\w+\))*"
+    r"(?!0[xXbBoO])(?:pi|[-+*/().0-9 ]|(?<=[0-9])[eE][-+]?(?=[0-9]))*?[0-9.)](?: +|(?![eE]))"
+    r"(?!pi\b)(?:[A-Za-zµμ]+(?![A-Za-z(])|sqrt\(|[%°√]).*"
 )
-"""A number with a word that may be meant as a unit; not ``2pi``, ``0x10`` or ``1e``."""
+"""A number with a word that may be meant as a unit; not ``2pi``, ``2 sin(1)``, ``0x10``, ``1e``."""
 
 
 def has_unit(value: Any) -> bool:

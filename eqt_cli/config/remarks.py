@@ -440,6 +440,10 @@ def unstable_or_slow(tried: _Tried) -> list[str]:
 
 def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     horizon = experiment.config.time.duration
+    check = "check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
+    period = value_at(experiment.document.data, ("control", "period"))
+    if isinstance(period, int | float) and period >= 1.0:
+        check = f"control.period is {period:g} s: if milliseconds were meant, write '{period:g} ms'"
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
             linear = linearised(loop, *along)
@@ -461,8 +465,7 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
                 where = "where the reference begins" if begins else "wherever the reference is held"
                 yield (
                     f"the loop of '{label}' is unstable {where}: small errors grow at {rate:.3g} "
-                    "1/s or more; check the signs and sizes of its gains, and the delays; `eqt "
-                    "margins` shows more"
+                    f"1/s or more; {check}"
                 )
             continue
         largest = growth(linear)
@@ -481,7 +484,7 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
         yield (
             f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
             + (f", leaving out {omitted}" if omitted else "")
-            + "; check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
+            + f"; {check}"
         )
 
 

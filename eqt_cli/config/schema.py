@@ -35,6 +35,7 @@ from eqt_cli.base.option_types import (
     VELOCITY,
     Angle,
     AnyReal,
+    AsText,
     Constant,
     Count,
     CountOrNone,
@@ -567,6 +568,23 @@ class AddedInertiaSection(Section):
     added: Annotated[Matrix, Unit(INERTIA)]
 
 
+def _one_mass(value: Any, info: ValidationInfo) -> Any:
+    """Refuse a mass that runs draw, and write the inertia for which they can."""
+    if not isinstance(value, dict | AsText):
+        return value
+    name = "mass" if isinstance(value, dict) else str(value)
+    u = [f"{number:g}" for number in [*info.data.get("urdf", ()), *[0.0] * 6]]
+    rows = [[u[k] for k in row] + ["0"] * 3 for row in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
+    rows += [["0"] * axis + [name] + ["0"] * (5 - axis) for axis in (3, 4, 5)]
+    is_diagonal = {u[1], u[2], u[4]} == {"0"}
+    instead: list[Any] = [rows[k][k] for k in range(6)] if is_diagonal else rows
+    draws = f"draws: {{mass: {shown(value)}}} and " if isinstance(value, dict) else ""
+    raise ValueError(
+        f"expected one number for all runs, got {shown(value) if draws else repr(name)}; write "
+        f"{draws}plant.inertia: {instead}".replace("'", "")
+    )
+
+
 class UrdfInertiaSection(Section):
     """The inertia of a body in space as URDF and SDF write it, with the origin at its centre.
 
@@ -579,7 +597,7 @@ class UrdfInertiaSection(Section):
     """
 
     urdf: Annotated[Row, Unit("kg m^2")]
-    mass: Annotated[Positive | None, Unit("kg")] = None
+    mass: Annotated[Positive | None, Unit("kg"), BeforeValidator(_one_mass)] = None
 
 
 def _inertia_kind(value: Any) -> str | None:
@@ -587,7 +605,7 @@ def _inertia_kind(value: Any) -> str | None:
         if "urdf" in value:
             return "of urdf"
         if {"rigid", "added"} & set(value):
-            return "added"
+            return "of added"  # a tag that is no key, as steps of places are tags or keys
         if "matrix" in value:
             return "prescribed"
         return "factored" if {"initial", "factor"} & set(value) else None
@@ -595,7 +613,7 @@ def _inertia_kind(value: Any) -> str | None:
 
 
 _WithKeys = (
-    Annotated[AddedInertiaSection, Tag("added")]
+    Annotated[AddedInertiaSection, Tag("of added")]
     | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
     | Annotated[UrdfInertiaSection, Tag("of urdf")]

@@ -63,8 +63,9 @@ def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = ()
             elif not _positive(stiffness := _eigenvalues(mechanics.hessian_at_identity(G, K))):
                 # Υ has no non-degenerate minimum at I
                 raise InputError(
-                    "must be positive, else small errors do not decay: it gives them the stiffness "
-                    f"{_listed(stiffness)} (on SO3, sums of two eigenvalues)"
+                    f"must be positive, got {_written(section['kp'])}, else small errors do not "
+                    f"decay: it gives them the stiffness {_listed(stiffness)} (on SO3, sums of two "
+                    "eigenvalues)"
                 )
     if "kd" in section:
         with problems.catching("kd"):
@@ -181,6 +182,11 @@ def _listed(eigenvalues: Array) -> str:
     """List the eigenvalues, with 0 for those within rounding."""
     clean = np.where(np.abs(eigenvalues) <= _rounding(eigenvalues), 0.0, eigenvalues)
     return ", ".join(f"{value:.4g}" for value in clean)
+
+
+def _written(gain: Any) -> str:
+    """Return a number, a diagonal or a matrix as it may stand in a configuration."""
+    return f"[{', '.join(map(_written, gain))}]" if isinstance(gain, list) else f"{gain:g}"
 
 
 def _rounding(eigenvalues: Array) -> float:

@@ -31,6 +31,9 @@ def test_a_unit_of_a_sheet_is_that_number(text, unit, number):
     ("2 furlong/sqrt(h)", "rad/s", ["rad/s, deg/s"]),
     ("2 knots/√Hz", "m/s", ["m/s, cm/s"]),
     ("0.2 g_0", "m/s^2", ["m/s^2, ug or mg"]),
+    ("0.3 deg/h^0.5", "rad/sqrt(s)", ["deg/sqrt(h)"]),
+    ("3e-3 deg/s/root(Hz)", "rad/sqrt(s)", ["deg/s/sqrt(Hz)"]),
+    ("1/2 turn", "rad", ["rad, mrad, deg"]),
 ])  # fmt: skip
 def test_an_unknown_unit_is_refused_with_those_that_do(text, unit, offered):
     with pytest.raises(ValueError, match=r"expected a number or an? ") as refused:

@@ -339,7 +339,11 @@ def test_a_count_that_is_not_whole_is_printed_as_it_is(written):
     ({"inertia": [[0.15, -0.2, 0], [-0.2, 0.12, 0], [0, 0, 0.05]]}, "inertia", "= 0.134"),
     ({"inertia": {"rigid": [1, 1, 1], "added": [-0.1, -0.2, -0.3]}}, "inertia.added", "Fossen"),
     ({"gains": {"k_R": [0.3, 0.3, 0.2], "k_Omega": 0.1}}, "gains.k_R", "kp: [0.1, 0.1, 0.2]"),
-    ({"inertia": {"urdf": [1, 0, 0, 1, 0, 1], "mass": {}}}, "inertia.mass", "a number"),
+    ({"inertia": {"urdf": [1, 0, 0, 1, 0, 1], "mass": {}}}, "inertia.mass", "one number"),
+    ({"plant": {"inertia": {"urdf": [1, 0, 0, 1, 0, 1], "mass": {"normal": [2, 1]}}}},
+     "plant.inertia.mass", "draws: {mass: {normal: [2, 1]}} and plant.inertia: [1, 1, 1, mass, "),
+    ({"group": "SE3", "inertia": {"rigid": {"urdf": [1, 0, 0, 1, 0, 1]}, "added": [1, 1, 1]}},
+     "inertia.rigid", "got {urdf:"),
     ({"reference": {"kind": "path", "factors": [{"axis": "wz", "by": "8*clip(t, 0, 1) deg"}]}},
      "reference.factors[0].by", "'8*clip(t, 0, 1)': unknown name 'clip' at column 3"),
 ])  # fmt: skip
