@@ -83,13 +83,8 @@ def run(
             "out --force and --shard"
         )
     loaded = loaded if force else ResultFolder(folder).begun(loaded)
-    noted = remark_on(loaded.base)
-    for more in functions_for(purposes.remarks_on_other_values):
-        points = ((f"at point {k}", loaded.experiment(k)) for k in range(1, len(loaded)))
-        noted += more(loaded.base, points)
-    loaded = replace(loaded, remarks=noted)
     done = execute(
-        loaded,
+        _remarked(loaded),
         folder,
         executor=executor or choose_executor(loaded, workers),
         force=force,
@@ -98,6 +93,15 @@ def run(
         shard=shard,
     )
     return StoredResult(done.folder.path, outcome=done)
+
+
+def _remarked(study: Study) -> Study:
+    """Tell what is remarked on a study, and return it with that, as its result holds it."""
+    noted = remark_on(study.base)
+    for more in functions_for(purposes.remarks_on_other_values):
+        points = ((f"at point {k}", study.experiment(k)) for k in range(1, len(study)))
+        noted += more(study.base, points)
+    return replace(study, remarks=noted)
 
 
 def sweep(
@@ -234,6 +238,5 @@ def pack(
     ResultFolder(Path(folder)).check()
     document = read_config(Path(folder, CONFIG), trusted=trust_plugins)
     document = replace(document, home=replace(document.home, is_result=True))
-    packed = study(document)
-    done = pack_folder(replace(packed, remarks=remark_on(packed.base)), Path(folder))
+    done = pack_folder(_remarked(study(document)), Path(folder))
     return StoredResult(done.folder.path, outcome=done)

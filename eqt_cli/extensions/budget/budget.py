@@ -142,6 +142,8 @@ class Budget:
         The window of time.
     laws
         The budget of each law.
+    remarks
+        What was remarked on the configuration.
     """
 
     name: str
@@ -149,6 +151,7 @@ class Budget:
     unit: str
     window: Window
     laws: list[LawBudget]
+    remarks: tuple[str, ...] = ()
 
     def records(self) -> list[dict[str, Any]]:
         """Return a flat row for each source of each law."""
@@ -168,6 +171,7 @@ class Budget:
             "unit": self.unit,
             "window": str(self.window),
             "laws": [_record(law) for law in self.laws],
+            "remarks": list(self.remarks),
         }
 
 
@@ -438,7 +442,7 @@ def budget(
             f"ensemble.runs: expected at least {LEAST_RUNS} for a budget, got {runs}; "
             "--set ensemble.runs=50"
         )
-    remark_on(base.base)
+    noted = remark_on(base.base)
     place = "eqt budget"
     document = changed_at(base.document, ("store", "trajectories"), "all", place)
     document = changed_at(document, ("store", "decimate"), 1, place)
@@ -476,4 +480,4 @@ def budget(
         laws.append(_law_budget(label, title, sources, squares, whole, shares, failed))
     signal = signal_of(error)
     assert signal
-    return Budget(base.name, error, signal.unit, window, laws)
+    return Budget(base.name, error, signal.unit, window, laws, noted)

@@ -244,8 +244,7 @@ class LivePage:
                     problems.raise_if_any()
                 if keys:
                     raise
-                if not isinstance(error, sliders.MovesNothing):  # nobody expects such a slider
-                    reporter().remark(EqtWarning(f"no slider for {error}"))
+                reporter().remark(EqtWarning(f"no slider for {error}"))
             if len(pairs) == sliders.MOST_KEYS and not keys:
                 break
         while pairs:

@@ -8,6 +8,7 @@ page has a table with all values of the slider.
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -184,12 +185,16 @@ def _geometric(low: float, high: float, base: float) -> list[float]:
     return sorted({x for x in inner if low < x < high} | {low, high, base})
 
 
+_NO_SLIDER = re.compile(r"\.(?:period|along\[\d\])$")
+"""What decides the structure of a law, so that no number of a run follows it."""
+
+
 def usual_keys(data: Mapping[str, Any]) -> Iterator[str]:
     """Yield the keys with numbers that a page moves unasked: gains, inertia, start."""
     for key in ("gains", "controllers", "inertia", "initial"):
         for path, value in _numeric(data.get(key), key):
             moves = key != "inertia" or _is_diagonal(path)
-            if moves and value and not path.endswith(".period"):
+            if moves and value and not _NO_SLIDER.search(path):
                 yield path
 
 
@@ -210,10 +215,6 @@ def _is_diagonal(path: str) -> bool:
 
 
 # The numbers that follow keys ---------------------------------------------------------------------
-
-
-class MovesNothing(EqtError):
-    """No number of a run follows a key, such as a direction that decides the structure of a law."""
 
 
 @dataclass(frozen=True)
@@ -316,7 +317,7 @@ def effects(
             table = [row[name].ravel()[at].tolist() for row in rows]
             changes.append(Effect(name, at.tolist(), table=table))
     if not changes:
-        raise MovesNothing(
+        raise EqtError(
             f"{slider.key}: no number that the runs take follows it; expected a key as gains.kp"
         )
     return changes

@@ -191,6 +191,7 @@ def _report(
         counted = {"failed": done.judged.failed, "causes": list(causes)}
         with open_result(path) as result:
             pairs = verdict_records(result, done.record)
+            pairs["remarks"] = [*result.described.remarks, *pairs.get("remarks", ())]
         output.print_json({"folder": str(path), **done.record, **pairs, **counted})
         return
     if done.judged.taken:

@@ -421,10 +421,11 @@ def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
 
 @dataclass(frozen=True)
 class SearchFolder:
-    """The folder in which a search keeps its generations and its outcome."""
+    """The folder in which a search keeps its generations and its outcome, with its remarks."""
 
     path: Path
     kind: Kind
+    remarks: tuple[str, ...] = ()
 
     def write_record(self, record: dict[str, Any]) -> None:
         """Write the record atomically."""

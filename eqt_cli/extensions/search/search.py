@@ -155,10 +155,12 @@ class Searches(ABC, Generic[S]):
         problems.raise_if_any()
         return search
 
-    def remark_on_ends(self) -> None:
-        """Tell what is remarked on values at both ends of all ranges."""
+    def remark_on_ends(self) -> tuple[str, ...]:
+        """Tell and return what is remarked on values at both ends of all ranges."""
+        noted: tuple[str, ...] = ()
         for more in functions_for(purposes.remarks_on_other_values):
-            more(self.base, (end for law in self.laws for end in law_search.ends(law)))
+            noted += more(self.base, (end for law in self.laws for end in law_search.ends(law)))
+        return noted
 
     @classmethod
     @abstractmethod
@@ -305,9 +307,11 @@ SWEEP, GROUP = 0.2, 0.07
 """Measured overhead of a sweep, and of each of its points where points differ in shape, s."""
 
 
-def compute(document: Document, out: Path, executor: Executor) -> Execution:
-    """Compute an experiment, or the missing parts of it."""
-    sweep = study(document)
+def compute(
+    document: Document, out: Path, executor: Executor, remarks: tuple[str, ...]
+) -> Execution:
+    """Compute an experiment, or the missing parts of it, whose result holds these remarks."""
+    sweep = replace(study(document), remarks=remarks)
     # A search with fewer generations may have left another result here, with some of these runs.
     force = ResultFolder(out).manifest.get("digest", sweep.digest) != sweep.digest
     done = execute(sweep, out, executor=executor, force=force, grow=force)
@@ -501,9 +505,8 @@ def carry_out(
     EqtError
         If the folder holds something else, is in use, or cannot be written.
     """
-    remark_on(search.base)
-    search.remark_on_ends()
-    folder = SearchFolder(out, search.kind)
+    noted = remark_on(search.base) + search.remark_on_ends()
+    folder = SearchFolder(out, search.kind, noted)
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):
         folder.claim(search.settings, force)

@@ -256,7 +256,7 @@ class Search(Searches[TuneSection]):
         """Search for the best gains of each law, and run the winners on held-out initial states."""
         tuned = self._tuned(folder, executor)
         chosen = {of_law.law.label: of_law.confirmed for of_law in tuned}
-        confirmed = compute(self.confirmation(chosen), folder.path, executor)
+        confirmed = compute(self.confirmation(chosen), folder.path, executor, folder.remarks)
         prover = prover_of(self.section)
         best = {x.law.label: x.best for x in tuned if isinstance(x, Tuned)}
         proved = {"proved": prover.record(best)} if prover else {}

@@ -160,12 +160,12 @@ class WorstSearch(Searches[WorstSection]):
             }
         lines, laws = self.lines(centres), []
         reporter().note("runs", self.judging)
-        along = compute(self.along(lines), folder.path, executor)
+        along = compute(self.along(lines), folder.path, executor, folder.remarks)
         at = self._worst_points(centres, costs, lines, along)
         ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
         for law in self.laws:
             document = law.at(at[law.label])
-            compute(document, folder.run_of(law), executor)
+            compute(document, folder.run_of(law), executor, folder.remarks)
             with open_result(folder.run_of(law)) as result:
                 worst_run = _worst_run(self, result)
             value = "failed" if worst_run["failed"] else f"{self.objective} {worst_run['value']!r}"

@@ -147,6 +147,18 @@ def test_a_number_without_its_unit_is_remarked_on_before_the_runs():
         eqt_cli.error_budget({**BODY, "sensors": sensors}, error="none")
 
 
+@pytest.mark.ci("integrates 5 runs of two variants")
+def test_the_record_of_a_budget_holds_the_remarks():
+    short = {"time": {"duration": 1, "samples": 11}, "ensemble": {"runs": 5}}
+    noise = {"pose": [{"kind": "noise", "std": 1.5}]}  # rad
+    sampled = short | {"sensors": noise, "control": {"period": T}, "solver": {"cross_check": 0}}
+    with pytest.warns(EqtWarning) as told:
+        budget = eqt_cli.error_budget({**BODY, **sampled}, window="0:")
+    held = budget.record()["remarks"]
+    assert [one for one in held if one.startswith("sensors.pose[0]: a noise of 1.5 rad")]
+    assert all(any(one in str(x.message) for x in told) for one in held)
+
+
 def test_a_budget_in_latex_escapes_what_latex_reads_as_its_own():
     def exactly(value):
         return Interval(value, value, value)

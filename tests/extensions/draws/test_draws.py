@@ -14,6 +14,8 @@ from eqt_cli.config.remarks import remarks
 from eqt_cli.extensions.draws.checks import remark_elsewhere
 from eqt_cli.extensions.draws.names import DrawnNames, factor_of
 from eqt_cli.extensions.failures.drawn import drawn_numbers, values_of
+from eqt_cli.results.result import open_result
+from eqt_cli.runs.run_study import Shard
 
 pytestmark = pytest.mark.needs("draws")
 M, D, G = 1.5, 0.3, 9.80665
@@ -207,6 +209,27 @@ def test_values_are_remarked_on_at_every_draw_and_at_both_ends(tmp_path, told):
     remark_elsewhere(base, [("at the upper end", heavy)])
     [remark] = told.remarks
     assert mentions(remark, "at the upper end: belongs to 1.5 kg…1.8 kg")
+
+
+@pytest.mark.ci("runs a sweep, in shards too")
+@pytest.mark.parametrize("shards", [1, 2])
+def test_a_result_holds_what_is_remarked_on_a_point_that_is_not_its_first(tmp_path, told, shards):
+    path, out = tmp_path / "weight.yaml", tmp_path / "r"
+    weight = {"kind": "restoring", "weight": M * G}
+    data = FREE | {
+        "plant": {"inertia": {"relative": 0}, "forces": [weight]},
+        "sweep": [{"grid": {"plant.inertia.relative": [0, 0.2]}}],
+        "ensemble": {"runs": 1},
+    }
+    path.write_text(yaml.safe_dump(data))
+    for shard in range(1, shards + 1):
+        eqt_cli.run(path, out, shard=Shard(shard, shards) if shards > 1 else None)
+    if shards > 1:
+        eqt_cli.pack(out)
+    with open_result(out) as result:
+        [remark] = [text for text in result.described.remarks if "kg" in text]
+    assert mentions(remark, "weight: at point 1: belongs to 1.5 kg…1.8 kg")
+    assert sum("at point 1: belongs" in text for text in told.remarks) >= 1
 
 
 def test_a_limit_that_some_run_draws_below_the_reference_is_remarked_on(tmp_path):

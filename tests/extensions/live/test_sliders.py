@@ -133,7 +133,7 @@ def test_usual_keys_are_gains_moments_and_start():
         "name": "x",
         "gains": {"kp": 1.0, "kd": [1, 0]},
         "inertia": [[1.0, 0.1], [0.1, 2.0]],
-        "controllers": [{"kind": "pid", "ki": 0.1}],
+        "controllers": [{"kind": "pid", "ki": 0.1, "along": [0, 0, 1]}],
         "initial": {"velocity": {"kind": "normal", "std": 1.0}},
         "time": {"duration": 3},
     }

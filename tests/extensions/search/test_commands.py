@@ -94,10 +94,14 @@ def _report(eqt):
 
 @pytest.mark.ci("searches, confirms and compares")
 def test_as_json(eqt, config):
-    done = eqt("tune", config, "--json", "--out", "out")
+    laws = "controllers=[eqt, {kind: gt, label: none}]"
+    done = eqt("tune", config, "--json", "--out", "out", "--set", laws)
     found = json.loads(done.out)
-    assert [law["label"] for law in found["laws"]] == ["eqt", "gt"]
+    assert [law["label"] for law in found["laws"]] == ["eqt", "none"]
     assert found["causes"] == []
+    remarked = [text for text in found["remarks"] if "reads as a word of a sentence" in text]
+    assert len(remarked) == 1 and remarked[0] in done.err
+    assert remarked == json.loads(eqt("show", "out", "--json").out)["remarks"]
 
 
 def test_a_bound_that_no_point_keeps_ends_with_4_and_the_least_violation(eqt, config):

@@ -111,8 +111,13 @@ def test_a_run_of_the_profile_that_is_worse_is_the_worst(tmp_path):
 def test_remarks_on_a_configuration_are_those_of_a_run(tmp_path):
     far = deepcopy(WHEEL) | {"initial": {"pose": {"kind": "exp_normal", "std": 45}}}
     far["worst"] = far["worst"] | {"budget": 1, "profile": {"points": 2}}
-    with pytest.warns(EqtWarning, match="initial.pose.std: rotation of 45 rad is 7.2 turns"):
-        api.worst(far, tmp_path / "w")
+    said = "initial.pose.std: rotation of 45 rad is 7.2 turns"
+    with pytest.warns(EqtWarning, match=said):
+        laws = api.worst(far, tmp_path / "w").record["laws"]
+    folders = [tmp_path / "w", *(tmp_path / "w/worst" / law["label"] for law in laws)]
+    for folder in folders:
+        with open_result(folder) as result:
+            assert [text.startswith(said) for text in result.described.remarks] == [True]
 
 
 def test_every_law_is_run_along_every_key_through_what_was_found(searched):
