@@ -75,11 +75,11 @@ class Drawing:
                 mean + float((row * z).sum())
                 for mean, row in zip(numbers, self.factor, strict=True)
             ]
-        one, two = numbers
+        (one, two), (name,) = numbers, self.names
         if self.kind == "uniform" and one > two:
-            raise InputError(f"expected the smaller number first, got [{one:g}, {two:g}]")
+            raise InputError(f"expected the smaller number of {name} first, got [{one:g}, {two:g}]")
         if self.kind == "normal" and two < 0:
-            raise InputError(f"expected a standard deviation of at least 0, got {two:g}")
+            raise InputError(f"expected a standard deviation of {name} of at least 0, got {two:g}")
         if self.kind == "uniform":
             return [(one + two) / 2 if random is None else float(random.uniform(one, two))]
         return [one if random is None else float(random.normal(one, two))]
@@ -160,23 +160,26 @@ class DrawnNames:
         if problems:
             return None
         ordered = in_order(list(filter(None, drawings)), columns, problems)
-        names_of_runs = cls(section, ordered, columns, rows, file)
-        if not problems:
-            with problems.catching():
-                names_of_runs.means  # noqa: B018  # by which bounds may be in another order
-        return None if problems else names_of_runs
+        keys, means = {group: key for key, group in groups}, _row_means(columns, rows)
+        for drawing in ordered:  # bounds may follow from others, and be in another order
+            with problems.at(keys[drawing.names]).catching():
+                means |= zip(drawing.names, drawing.values(means, None), strict=True)
+            if problems:
+                return None
+        return None if problems else cls(section, ordered, columns, rows, file)
 
 
 @lru_cache(maxsize=8)
 def _means(names: DrawnNames) -> dict[str, float]:
-    values = (
-        {}
-        if names.rows is None
-        else dict(zip(names.columns, names.rows.mean(axis=0).tolist(), strict=True))
-    )
+    values = _row_means(names.columns, names.rows)
     for drawing in names.drawings:
         values |= zip(drawing.names, drawing.values(values, None), strict=True)
     return values
+
+
+def _row_means(columns: Sequence[str], rows: Any) -> dict[str, float]:
+    """Return the means of the columns of a table by name; none without one."""
+    return {} if rows is None else dict(zip(columns, rows.mean(axis=0).tolist(), strict=True))
 
 
 @lru_cache(maxsize=20_000)
@@ -270,6 +273,8 @@ def read_number(entry: Any, group: Collection[str], readable: Collection[str]) -
     """
     if isinstance(entry, bool) or not isinstance(entry, int | float | str):
         raise InputError(f"expected a number or a formula in other names, got {shown(entry)}")
+    if isinstance(entry, float) and not math.isfinite(entry):
+        raise InputError(f"expected a finite number, got {shown(entry)}")
     if isinstance(entry, str) and (split := units.split(entry)):
         number, unit = split
         size = units.factor(unit, units.base_of(unit)) or 1.0
@@ -299,15 +304,7 @@ def read_several(
         return None
     means = [read(entry, "normal", "mean", k) for k, entry in enumerate(mean)]
     with problems.catching("covariance"):
-        C = np.array(
-            [
-                [
-                    float(formula(x if isinstance(x, str) else repr(float(x)), ()).evaluate({}))
-                    for x in row
-                ]
-                for row in rows
-            ]
-        )
+        C = np.array([[float(read_number(x, (), ()).evaluate({})) for x in row] for row in rows])
         factor = factor_of(C)
     if problems or None in means:
         return None
