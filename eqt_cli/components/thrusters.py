@@ -798,7 +798,8 @@ class Thrusters(Solving, Running):
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield remarks on the directions in which thrusts push not at all, hardly, or in part."""
-        yield from lost_directions(G, wanted, wanted @ self.columns(G), self.least, self.name)
+        B, is_told = wanted @ self.columns(G), self.believed is None
+        yield from lost_directions(G, wanted, B, self.least, self.name, is_told)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid matrix or invalid places, and numbers that do not fit them."""
@@ -1033,15 +1034,18 @@ def allocation(B: Array, least: float, scale: Array) -> tuple[Array, Array | Non
 
 
 def lost_directions(
-    G: MatrixLieGroup, wanted: Array, B: Array, least: float, actuators: str
+    G: MatrixLieGroup, wanted: Array, B: Array, least: float, actuators: str, is_told: bool = True
 ) -> Iterator[str]:
-    """Yield remarks on the wanted directions, ``(k, m)``, in which little or nothing pushes."""
+    """Yield remarks on the wanted directions, ``(k, m)``, in which little or nothing pushes.
+
+    An allocation that is told B gives these up; one by other numbers asks for them in vain.
+    """
     lost, weak = unreachable(B), unreachable(B, least)
     shares = np.diagonal(B @ allocation(B, least, np.ones(B.shape[1]))[0])
     parts = [
         f"{_in_words(row, G.axis_names)} {100 * share:.2g} %"
         for row, share in zip(wanted, shares.tolist(), strict=True)
-        if np.sqrt(SMALLEST) < share < ALL
+        if is_told and np.sqrt(SMALLEST) < share < ALL
     ]
     arrives = f"; of what it asks along one axis alone arrives {', '.join(parts)}" if parts else ""
     if len(lost):
@@ -1052,10 +1056,13 @@ def lost_directions(
     if len(weak) > len(lost):
         weak /= np.abs(weak).max(axis=1, keepdims=True)
         named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
+        pushed = f"push along {named} with less than {least:g} of their strength elsewhere"
+        if not is_told:
+            yield f"{pushed}, and the allocation, by the means of drawn numbers, asks for more"
+            return
         yield (
-            f"push along {named} with less than {least:g} of their strength elsewhere (the rows "
-            "of B divided by their norms), which is given up: what a law asks for there is lost"
-            f"{arrives}; add {actuators}, or set a smaller least"
+            f"{pushed} (the rows of B divided by their norms), which is given up: what a law asks "
+            f"for there is lost{arrives}; add {actuators}, or set a smaller least"
         )
 
 

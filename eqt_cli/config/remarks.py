@@ -19,8 +19,9 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import THRUSTER, SmallErrors
 from eqt_cli.components.forces import Force, weighed
 from eqt_cli.components.groups import MatrixLieGroup, moving_parts
-from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
+from eqt_cli.components.inertia import Inertia, in_other_order, not_rigid, over_horizon
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle, navigates, without_inner
+from eqt_cli.components.vehicle_parts import ConstantInertia
 from eqt_cli.config.document import value_at
 from eqt_cli.config.experiment import Experiment, digest_of, draws_nothing, starts_on_reference
 from eqt_cli.engines.engine import Engine, Problem, Work
@@ -75,9 +76,9 @@ def _noted(experiment: Experiment, shown: Horizon | None, runs: bool) -> list[In
         *((("controllers",), text) for text in unclear),
         *([(("ensemble", "runs"), equal)] if repeats else []),
         *experiment.remarks(),
-        *_component_remarks(experiment, shown),
-        *_sensor_remarks(experiment),
-        *_numerical_remarks(experiment, shown),
+        *_component_remarks(experiment),
+        *value_remarks(experiment, shown),
+        *numerical_remarks(experiment, shown),
         *limits_below_reference(experiment, shown),
     ]
     # Each function takes the experiment and its reference, and yields places and texts.
@@ -108,24 +109,15 @@ Placed = Iterator[tuple[KeyPath, str]]
 """Remarks, each with the key that it is about."""
 
 
-def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
-    """Yield the remarks of the reference, the actuators, the forces and the estimator."""
+def _component_remarks(experiment: Experiment) -> Placed:
+    """Yield the remarks of reference, starts, forces of the user's own, and estimator."""
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
     yield from (
         (("initial", "file"), text) for text in getattr(experiment.start.poses, "notes", ())
     )
-    yield from _actuator_remarks(experiment)
-    now, plant = body_of(loop.inertia.at(0.0), loop.vehicle), experiment.config.plant
-    section = "plant" if plant and plant.forces else "model"
-    model = experiment.config.known_forces
-    if section == "plant" and model and model != "plant":  # what laws know need not be what acts
-        means = weighed(G, tuple(force.of_run(G, None) for force in model), loop.inertia)
-        yield from force_remarks(G, means, loop.inertia.at(0.0), "model")
-    yield from force_remarks(G, loop.vehicle.forces, now, section)
-    for key, text in _lever_remarks(experiment, now, shown):
-        yield (section, *key), text
+    section = section_of_forces(experiment)
     for index, force in enumerate(loop.vehicle.forces):
         if is_foreign(type(force).__module__) and (t := _jump(experiment, force)) is not None:
             yield (
@@ -140,6 +132,30 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
                 f"no sensor measures the {part}, so the error of its estimate "
                 "grows without bound; add an entry for it to sensors.pose",
             )
+
+
+def section_of_forces(experiment: Experiment) -> str:
+    """Return the section that lists what acts: `plant`, or `model` where that is what acts."""
+    plant = experiment.config.plant
+    return "plant" if plant and plant.forces else "model"
+
+
+def value_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
+    """Yield the remarks on values of the vehicle, which runs may draw, but for its limits."""
+    yield from _actuator_remarks(experiment)
+    loop, G, section = experiment.loop, experiment.group, section_of_forces(experiment)
+    now, model = body_of(loop.inertia.at(0.0), loop.vehicle), experiment.config.known_forces
+    if section == "plant" and model and model != "plant":  # what laws know need not be what acts
+        means = weighed(G, tuple(force.of_run(G, None) for force in model), loop.inertia)
+        yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")
+    yield from _force_remarks(G, loop.vehicle.forces, now, section)
+    for key, text in _lever_remarks(experiment, now, shown):
+        yield (section, *key), text
+    true = (loop.vehicle.configured or loop.vehicle).inertia
+    is_rigid = isinstance(true, ConstantInertia) and experiment.config.rigid is not False
+    if is_rigid and (broken := not_rigid(G, now, 0.0)):
+        yield ("plant", "inertia"), f"not of a rigid body: its {broken}"
+    yield from _sensor_remarks(experiment)
 
 
 def _actuator_remarks(experiment: Experiment) -> Placed:
@@ -166,7 +182,7 @@ def body_of(model: Inertia, vehicle: Vehicle) -> Inertia:
     return model if true is None else true.at(model, 0.0)
 
 
-def force_remarks(
+def _force_remarks(
     G: MatrixLieGroup, forces: Sequence[Force], inertia: Inertia, section: str
 ) -> Placed:
     """Yield the remarks of forces on a body, each with its key."""
@@ -257,7 +273,7 @@ def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) 
                 break
 
 
-def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
+def numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
     texts, loop = [("inertia", ill_conditioned(experiment))], experiment.loop
     texts.append(("inertia", in_other_order(loop.group, loop.inertia)))

@@ -353,6 +353,35 @@ def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Arr
     return _About.reference(loop, times, poses, velocities).flow
 
 
+def rates_of_runs(
+    loop: ClosedLoop, numbers: Arrays, time: float, pose: Array, velocity: Array
+) -> tuple[Array, Array]:
+    """Return how fast small errors of many runs grow about one point of the reference.
+
+    Parameters
+    ----------
+    numbers
+        The leaves of the loop that differ by run, ``(runs, …)`` each, by path.
+
+    Returns
+    -------
+    growth : (runs,)
+        The rate of the errors that grow most, 1/s; NaN where there is no derivative.
+    rates : (runs, n)
+        The eigenvalues of ẋ; of a sampled loop, while its command is held.
+    """
+    runs = len(next(iter(numbers.values())))
+    points = (np.repeat(np.asarray(x)[None], runs, axis=0) for x in (time, pose, velocity))
+    about = _About.reference(off_limits(with_leaves(loop, numbers)), *points)
+    linear, flow = about.linearised(), about.flow
+    if not (np.isfinite(linear.closed).all() and np.isfinite(flow).all()):
+        return np.full(runs, np.nan), np.full(flow.shape[:2], np.nan)
+    eigenvalues, rates = np.linalg.eigvals(linear.closed), np.linalg.eigvals(flow)
+    if linear.cycle is None:
+        return eigenvalues.real.max(axis=-1), rates
+    return np.log(np.abs(eigenvalues).max(axis=-1)) / linear.cycle, rates
+
+
 def _same(arrays: Array) -> bool:
     """Return whether arrays are the same at all times; False if they are not finite."""
     return bool(np.abs(arrays - arrays[0]).max() <= SAME * np.abs(arrays).max())

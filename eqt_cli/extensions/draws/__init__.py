@@ -10,5 +10,5 @@ def register(extension: Extension) -> None:
     extension.add_function(purposes.starts_of_draws, "starts.drawn_start")
     extension.add_function(purposes.variables_of_a_result, "stored.variables")
     extension.add_function(purposes.checks_of_an_experiment, "checks.check_draws")
-    extension.add_function(purposes.remarks_on_an_experiment, "checks.remarks")
-    extension.add_function(purposes.remarks_on_other_values, "checks.remark_elsewhere")
+    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")
+    extension.add_function(purposes.remarks_on_other_values, "remarks.remark_elsewhere")

@@ -1,23 +1,24 @@
-"""Checks of the values of parts with the numbers that each run draws, before the first run."""
+"""What no part may have, by the numbers that each run draws, before the first run."""
 
 import dataclasses
-from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.base import purposes
-from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, parse_key
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
 from eqt_cli.base.option_types import plain_data, shown
-from eqt_cli.base.reporting import reporter
+from eqt_cli.base.registry import Keys
 from eqt_cli.components.forces import follows_mass, mass_of
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.inertia import Inertia, not_rigid
+from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.pose_notation import square
-from eqt_cli.components.vehicle import FORCES, INERTIA, Vehicle
+from eqt_cli.components.vehicle import FORCES, INERTIA
 from eqt_cli.components.vehicle_parts import (
     ConstantInertia,
     NamedFormula,
@@ -30,9 +31,6 @@ from eqt_cli.components.vehicle_parts import (
     redraws,
 )
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.remarks import body_of, force_remarks, limits_below_reference
-from eqt_cli.engines.horizon import Horizon
-from eqt_cli.extensions.draws.formulas import unused
 from eqt_cli.numbers.leaves import with_fields
 
 
@@ -57,7 +55,7 @@ def check_draws(experiment: Experiment, problems: Problems) -> None:
     configured = vehicle.configured or vehicle
     until = experiment.config.time.duration
     for place, part in configured.parts.items():
-        if not isinstance(part, VehiclePart) or not any(map(is_drawn, vars(part).values())):
+        if not draws_numbers(part):
             continue
         key = (type(part), repr(part), G.name, place, ensemble.seed, until)
         random_of = partial(_random, ensemble.seed, place)
@@ -68,6 +66,11 @@ def check_draws(experiment: Experiment, problems: Problems) -> None:
         is_weighed = any(map(follows_mass, configured.forces))
         if place == INERTIA and isinstance(part, ConstantInertia) and is_weighed and not problems:
             _check_masses(drawing, here)
+
+
+def draws_numbers(part: Any) -> bool:
+    """Return whether runs draw numbers of a part of a vehicle."""
+    return isinstance(part, VehiclePart) and any(map(is_drawn, vars(part).values()))
 
 
 def _random(seed: int, place: str, run: int) -> np.random.Generator:
@@ -92,12 +95,12 @@ def _impossible(drawing: _Drawing, until: float) -> list[tuple[KeyPath, str]]:
     mean = part.of_run(G, None) if _moves(part) else None
     for run in range(drawing.runs):
         problems, random, values = Problems(), drawing.random_of(run), dict[str, Any]()
-        for name in _options(part):
+        for name in option_names_of(part):
             if not is_drawn(value := getattr(part, name)):
                 continue
             with problems.catching(name):  # bounds of names may follow from others
                 values[name] = number = drawn(value, random, name in part.positive)
-                if not np.isfinite(_numbers(number)).all():
+                if not np.isfinite(flat(number)).all():
                     raise InputError(f"expected a finite number, got {shown(plain_data(number))}")
         if not problems:
             _check(part, values, G, problems)
@@ -116,7 +119,8 @@ def _impossible(drawing: _Drawing, until: float) -> list[tuple[KeyPath, str]]:
     return []
 
 
-def _options(part: VehiclePart) -> list[str]:
+def option_names_of(part: VehiclePart) -> list[str]:
+    """Return the names of the fields that a configuration writes."""
     return [one.name for one in dataclasses.fields(part) if one.init]
 
 
@@ -130,11 +134,13 @@ def _moves(part: VehiclePart) -> bool:
     )
 
 
-def _numbers(value: Any) -> Any:
-    """Return the numbers of a drawn value."""
+def flat(value: Any) -> Array:
+    """Return the numbers of a drawn value, in a row; 0 for what is none."""
+    if isinstance(value, Keys):
+        value = list(vars(value).values())
     if isinstance(value, list):
-        return np.concatenate([np.ravel(_numbers(entry)) for entry in value])
-    return value if isinstance(value, float | int) else 0.0
+        return np.concatenate([np.empty(0), *map(flat, value)])
+    return np.ravel(value if isinstance(value, float | int | np.ndarray) else 0.0)
 
 
 def _listed(problems: Problems) -> list[tuple[KeyPath, str]]:
@@ -178,75 +184,3 @@ def _check_masses(drawing: _Drawing, problems: Problems) -> None:
                 "name: draws: {mass: …}, and write the name in each entry"
             )
             return
-
-
-@purposes.remarks_on_an_experiment
-def remarks(experiment: Experiment, shown: Any) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what is remarked on the values of some run alone, and names that nothing reads."""
-    yield from unused(experiment)
-    of_means = dict(_of_run(experiment, experiment.loop.vehicle, shown))
-    seen = dict[KeyPath, list[Any]]()
-    for run, vehicle in vehicles(experiment):
-        for key, text in _of_run(experiment, vehicle, shown):
-            if key not in of_means:
-                seen.setdefault(key, [run, text, 0])[2] += 1
-    for key, (run, text, count) in seen.items():
-        many = f"in {count} of {experiment.config.ensemble.runs} runs"
-        yield key, f"{many}, such as run {run}: {text}"
-
-
-def _of_run(
-    experiment: Experiment, vehicle: Vehicle, shown: Horizon | None
-) -> Iterator[tuple[KeyPath, str]]:
-    """Yield remarks on values of a run: with the reference, also on limits below it."""
-    yield from _of_values(experiment, vehicle)
-    if shown is not None and vehicle.limits:
-        loops = {"": replace(experiment.loop, vehicle=vehicle)}
-        yield from limits_below_reference(replace(experiment, loops=loops), shown)
-
-
-def vehicles(experiment: Experiment) -> Iterator[tuple[int, Vehicle]]:
-    """Yield each run with its vehicle, if runs draw an inertia, a force or an actuator."""
-    loop, ensemble = experiment.loop, experiment.config.ensemble
-    configured = loop.vehicle.configured or loop.vehicle
-    if any(
-        part.varies
-        for part in (configured.inertia, *configured.forces, *configured.actuators)
-        if part
-    ):
-        for run in range(ensemble.runs):
-            random_of = partial(generator_at, ensemble.seed, Stream.VEHICLE, run)
-            yield run, loop.vehicle.of_run(loop.group, random_of)
-
-
-def _of_values(experiment: Experiment, vehicle: Vehicle) -> Iterator[tuple[KeyPath, str]]:
-    """Yield remarks on the inertia and the forces of a vehicle of a run."""
-    plant, loop = experiment.config.plant, experiment.loop
-    section, body = "plant" if plant and plant.forces else "model", loop.inertia.at(0.0)
-    body = body_of(body, vehicle)
-    yield from force_remarks(loop.group, vehicle.forces, body, section)
-    true = (vehicle.configured or vehicle).inertia
-    is_rigid = isinstance(true, ConstantInertia) and experiment.config.rigid is not False
-    if is_rigid and (broken := not_rigid(loop.group, body, 0.0)):
-        yield ("plant", "inertia"), f"not of a rigid body: its {broken}"
-
-
-@purposes.remarks_on_other_values
-def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]]) -> tuple[str, ...]:
-    """Tell and return what is remarked on values at points of a sweep, or at ends of ranges, alone.
-
-    Parameters
-    ----------
-    others
-        Experiments, each with where it is, in words.
-    """
-    keys = {key for key, _ in [*_of_values(base, base.loop.vehicle), *remarks(base, None)]}
-    noted = []
-    for where, experiment in others:
-        of_means = _of_values(experiment, experiment.loop.vehicle)
-        for key, text in [*of_means, *remarks(experiment, None)]:
-            if key not in keys:
-                keys.add(key)
-                noted.append(experiment.document.problem(key, f"{where}: {text}"))
-                reporter().remark(EqtWarning(str(noted[-1])))
-    return tuple(f"{problem.path}: {problem.message}" for problem in noted)

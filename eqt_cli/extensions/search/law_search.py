@@ -18,7 +18,7 @@ from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import Config, LogRange, TunedAxis, without_search
+from eqt_cli.config.schema import VEHICLE, Config, LogRange, TunedAxis, marks_of, without_search
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.search.record import Kind
 from eqt_cli.results.metrics import METRICS
@@ -361,12 +361,32 @@ def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
                 problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
 
 
+ENDS = (0.0, "lower"), (1.0, "upper")
+
+
 def ends(law: LawSearch) -> Iterator[tuple[str, Experiment]]:
-    """Yield the experiments of a law alone at the ends of its ranges, each with where that is."""
-    for share, end in ((0.0, "lower"), (1.0, "upper")):
-        if law.axes:
-            where = f"at the {end} ends of all ranges of {law.label}"
-            yield where, build(law.at(law.values([share] * len(law.axes))))
+    """Yield the experiments of a law alone at the ends of its ranges, each with where that is.
+
+    These are the ends of all ranges together, and of each range of the vehicle, with all others in
+    their middle: what a weight and a mass have at their ends together may fit.
+    """
+    n = len(law.order)
+    shares = {
+        f"at the {end} ends of all ranges of {law.label}": [share] * n
+        for share, end in ENDS
+        if law.axes
+    }
+    for k, key in enumerate(law.order if n > 1 else ()):
+        if VEHICLE in marks_of(key):
+            for share, end in ENDS:
+                one = [0.5] * k + [share] + [0.5] * (n - k - 1)
+                shares[f"at the {end} end of {key}, in the middle of the other ranges"] = one
+    for where, point in shares.items():
+        try:
+            experiment = build(law.at(law.values(point)))
+        except ConfigError:  # the search tells what it cannot build
+            continue
+        yield where, experiment
 
 
 def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:

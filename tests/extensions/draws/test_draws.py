@@ -11,8 +11,8 @@ import eqt_cli
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
-from eqt_cli.extensions.draws.checks import remark_elsewhere
 from eqt_cli.extensions.draws.names import DrawnNames, factor_of
+from eqt_cli.extensions.draws.remarks import remark_elsewhere
 from eqt_cli.extensions.failures.drawn import drawn_numbers, values_of
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.run_study import Shard
