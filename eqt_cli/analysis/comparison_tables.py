@@ -134,7 +134,7 @@ def settling_of(pairs: Sequence[_Row], levels: Sequence[Level]) -> list[_Row]:
 
 
 def _cell(pair: Pair, level: Level) -> str:
-    """``−14 % [−15, −11] ▲``; of a law with no interval, the difference of the means."""
+    """``−14 % [−15, −11] ✓``; of a law with no interval, the difference of the means."""
     if math.isfinite(pair.low):
         return f"{pair.percent.replace('points', 'pp')} {MARKS[pair.word]}"
     if pair.measured.is_share or not math.isfinite(pair.relative):

@@ -192,7 +192,7 @@ _UNIT = r"(?:%|\(N m\)² s|N m\b|(?:deg|rad|kg|1|N|J|m|s)\b(?:/s)?)"
 
 WORD = re.compile(
     r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|p = \d|N m\b|\(N m\)² s"
-    rf"|(?<=[\d\]]) {_UNIT}|(?<=\w) − (?=\w)| [▲▼=?](?!\S)|\S)+"
+    rf"|(?<=[\d\]]) {_UNIT}|(?<=\w) − (?=\w)| [✓✗=?](?!\S)|\S)+"
 )
 """A piece of a text that stays on one line: a word, a norm, two laws, a number with its unit."""
 
@@ -207,7 +207,7 @@ def listed(words: Sequence[str], conjunction: str = "and") -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
-MARKS = {"better": "▲", "worse": "▼", "no difference": "=", "undecided": "?"}
+MARKS = {"better": "✓", "worse": "✗", "no difference": "=", "undecided": "?"}
 """What ends a number that is compared with another one, by its word."""
 
 

@@ -102,7 +102,7 @@ def compare(
     than a margin, or if the runs do not show that it did not.
 
     This prints a row per law: its error, effort and settled runs against the first law, each with
-    an interval and a mark: ▲ better, ▼ worse, = no difference, ? undecided. --table prints the
+    an interval and a mark: ✓ better, ✗ worse, = no difference, ? undecided. --table prints the
     numbers behind it.
 
     For a sweep, this shows which law is best at each point; --point selects one point.

@@ -117,7 +117,7 @@ _MINUS = re.compile(r"(?<![\w.)=`'])-(?=\.?\d)")
 """The sign of a number, but not in an exponent, a range, a date, or a value that users type."""
 
 _NUMBER = re.compile(
-    r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [▲▼=?])?"
+    r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [✓✗=?])?"
 )
 """A number, perhaps with a unit, a spread or an interval, and a mark."""
 

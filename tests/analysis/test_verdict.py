@@ -87,7 +87,7 @@ def test_the_lines_of_the_answer(compared):
     assert (f"{first.adjusted_p:.0e}", f"{second.adjusted_p:.0e}") == ("2e-08", "2e-08")
     base, law, *rest = answer_lines(comparison)
     assert re.fullmatch(r"A: mean ‖I − Q_E‖ [\d.]+, effort [\d.]+ \(N m\)² s", base)
-    assert re.fullmatch(r"B: mean ‖I − Q_E‖ −18 % \[−21, −16\] ▲, effort \+5\d % \[.+\] ▼", law)
+    assert re.fullmatch(r"B: mean ‖I − Q_E‖ −18 % \[−21, −16\] ✓, effort \+5\d % \[.+\] ✗", law)
     assert says(rest[-1], "A: …30 runs…")
 
 

@@ -87,7 +87,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert re.split(" {2,}", lines[0]) == ["law", "mean attitude error", "effort", "settled"]
     assert re.fullmatch(r"EqT +\d\d\.\d\d deg +\d\d\.\d\d \(N m\)² s +\d+ of 60", lines[2])
     error, effort = r"−\d+ % \[−\d+, −\d+\]", r"\+\d+ % \[.+\]"
-    assert re.fullmatch(rf"GT +{error} ▲ +{effort}( [▼?])? +\+\d+ pp \[.+\] ▲", lines[3])
+    assert re.fullmatch(rf"GT +{error} ✓ +{effort}( [✗?])? +\+\d+ pp \[.+\] ✓", lines[3])
     assert [line.split()[0] for line in lines[4:6]] == ["nog", "asym"]
     with open_result(paper_result) as result:
         errors = result.metric("mean_attitude_error")[:2]
@@ -108,7 +108,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert f"{asked}, at 60 runs per" in whole.replace("\n", " ")
     against = invoke("compare", paper_result, *few, "--against", "GT").stdout.splitlines()
     assert re.match(r"GT +\d\d\.\d\d deg", against[2])
-    assert re.match(r"EqT +\+\d+ % \[.+?\] ▼", against[3])
+    assert re.match(r"EqT +\+\d+ % \[.+?\] ✗", against[3])
 
 
 def test_two_results_are_compared_law_by_law(invoke, changed):
@@ -167,7 +167,7 @@ def test_two_results_with_other_starts_are_no_pairs(invoke, changed):
 def test_equal_results_have_no_difference(invoke, changed):
     done = invoke("compare", changed / "soft", changed / "soft").stdout
     assert "what differs: nothing" in done
-    assert not re.search("[▲▼]|better", done.partition("runs per law")[0])
+    assert not re.search("[✓✗]|better", done.partition("runs per law")[0])
 
 
 def test_two_results_refuse_what_is_of_one(invoke, changed):

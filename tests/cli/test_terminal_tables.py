@@ -125,7 +125,7 @@ def test_verdicts_are_coloured_and_say_the_same_in_words():
 
 
 def test_marked_numbers_are_in_colour():
-    rows = [["GT", "−3 % [−4, −2] ▲", "+2 % [+1, +3] ▼"], ["asym", "+1 % [−1, +2]", "-"]]
+    rows = [["GT", "−3 % [−4, −2] ✓", "+2 % [+1, +3] ✗"], ["asym", "+1 % [−1, +2]", "-"]]
     made = table_text(TextTable("t", "", ["law", "error", "effort"], [Block("", rows)]), None)
     styles = {made.plain[span.start : span.end].strip(): str(span.style) for span in made.spans}
     assert [styles.get(cell) for cell in rows[0]] == [None, "green", "red"]
