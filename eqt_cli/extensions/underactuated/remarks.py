@@ -40,22 +40,24 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[Key
         small = gains_flown(experiment, shown).get(label)
         if law.rates != "model" or gains.ki is not None or small is None:
             continue
-        kx, kv = (np.mean(np.array(x, dtype=float)) for x in (gains.kx, gains.kv))
+        along = unknown**2 / max(unknown @ unknown, np.finfo(float).tiny)
+        kx, kv = (float(along @ (np.array(x, float) + 0 * along)) for x in (gains.kx, gains.kv))
         H, D = np.array(small.stiffness)[0], np.array(small.damping)[0]
         ratio = 1.0 + (D[0, 0] * kv + kx) / H[0, 0]
-        offset = float(unknown / kx)
+        size = float(np.linalg.norm(unknown))
+        offset = size / kx if size else 0.0
         if offset * (ratio - 1.0) > ENLARGED:
             yield (
                 ("controllers", experiment.laws[label].index, "rates"),
-                f"a steady force that the model does not know, {unknown:.2g} m/s^2, moves the body "
+                f"a steady force that the model does not know, {size:.2g} m/s^2, moves the body "
                 f"by {ratio * offset:.2g} m, {ratio:.2g} times as far as with `rates: none` or "
                 "`filter`, since model takes it for an acceleration; give one of them, "
                 "`position.ki`, or the mean wind in model.forces",
             )
 
 
-def _unknown(experiment: Experiment, model: Any, shown: Horizon, pushes: Array) -> float:
-    """Return the mean acceleration along the reference by forces that no law knows, m/s².
+def _unknown(experiment: Experiment, model: Any, shown: Horizon, pushes: Array) -> Array:
+    """Return the mean acceleration along the reference by forces that no law knows, m/s², in space.
 
     Only what acts across the push tilts the body.
     """
@@ -74,5 +76,4 @@ def _unknown(experiment: Experiment, model: Any, shown: Horizon, pushes: Array) 
     rotations = poses[:, : rigid(G).space, : rigid(G).space]
     across = sums[0] - sums[1]
     across = across - (across @ pushes)[:, None] * pushes / (pushes @ pushes)
-    in_space = apply_matrix(rotations, across).mean(axis=0) / mass
-    return float(np.linalg.norm(in_space))
+    return apply_matrix(rotations, across).mean(axis=0) / mass
