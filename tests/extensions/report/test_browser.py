@@ -402,6 +402,25 @@ def test_print_leaves_the_controls_out(page):
     assert not any(shown)
 
 
+def test_marks_of_intervals_are_borders_which_are_printed(page):
+    """Browsers leave backgrounds out, and make borders whole pixels."""
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    marks = page.execute_script(
+        """const size = e => { const s = getComputedStyle(e);
+             const rest = parseFloat(s.width) - 2 * parseFloat(s.borderLeftWidth);
+             return [rest < 2, s.borderTopWidth]; };
+           const all = q => [...document.querySelectorAll(q)].map(size);
+           return { filled: all('.strip .dot:is(.better *, .worse *, .base *)'),
+                    hollow: all('tr:not(.better, .worse, .base) .strip .dot'),
+                    lines: all('.strip .line') };"""
+    )
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "screen"})
+    assert all(full for full, _ in marks["filled"])
+    assert not any(full for full, _ in marks["hollow"])
+    assert marks["filled"]
+    assert {width for _, width in marks["lines"]} == {"2px"}
+
+
 @pytest.fixture
 def points(browser, page_of, swept_result):
     browser.get(page_of(swept_result).as_uri())
