@@ -189,6 +189,34 @@ def test_a_wrong_sign_is_told_at_any_clock(monkeypatch, tmp_path, control, shows
     assert rate == pytest.approx(1.0, rel=0.03)  # a command that is held acts 0.02 s late
 
 
+@pytest.mark.ci("flies 200 periods by NumPy")
+def test_growth_is_told_of_flights_that_leave_the_reference(monkeypatch, tmp_path):
+    """e″ = k e/J, whose torque is held for h: a spring of the wrong sign without damping.
+
+    Flights are far from the reference, and near to each other, long before the horizon ends.
+    """
+    monkeypatch.chdir(tmp_path)
+    undamped = WRONG_SIGN.replace("+ r.gradient - r.body_damping", "+ 0.5 * r.gradient")
+    Path("wrong.py").write_text(undamped)
+    J, k, h = 3.0, 2.0, 0.1
+    base = load_experiment(
+        mapping(
+            inertia=[J, J, J],
+            gains={"kp": k, "kd": 0.5},
+            controllers=["wrong"],
+            plugins=["wrong.py"],
+            reference={"kind": "rates", "rates": ["0.5*cos(t)", "0.3*sin(2*t)", 0.2]},
+            control={"period": h},
+            time={"duration": 20, "samples": 201},
+            solver={"engine": "solve_ivp"},
+        )
+    ).base
+    held = np.array([[1.0, h], [0.0, 1.0]]) + np.array([[h**2 / 2], [h]]) @ [[k / J, 0.0]]
+    rate = np.log(np.abs(np.linalg.eigvals(held)).max()) / h
+    (said,) = [str(one) for one in remarks(base) if "unstable" in str(one)]
+    assert f"small errors grow at {rate:.3g} 1/s or more" in said
+
+
 WAKES = """
 import numpy as np
 from eqt_cli.extend import Controller
