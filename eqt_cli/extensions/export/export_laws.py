@@ -265,16 +265,31 @@ class ReferenceProgram:
         Times at which the pieces begin, s; empty for a single piece.
     held : (pieces, n)
         Numbers of each piece.
+    ends
+        Times between which the reference is known, s; before and after, it stands still.
     """
 
     motion: Program
     starts: Array
     held: Array
+    ends: tuple[float, float]
+
+    @property
+    def stops(self) -> bool:
+        """Whether it stands still before and after."""
+        return bool(np.isfinite(self.ends).all())
+
+    @property
+    def rates(self) -> list[str]:
+        """The outputs that are 0 where it stands still."""
+        names = [output.name for output in self.motion.outputs]
+        return [name for name in names if name in ("desired_velocity", "desired_acceleration")]
 
     def moments(self, times: Array, by: Arithmetic) -> ReferenceMoments:
         """Return the reference at some times, as a function in double gives it to a law."""
-        piece = np.maximum(np.searchsorted(self.starts, times, side="right") - 1, 0)
-        inputs = {"t": times[:, None], "held": self.held[piece]}
+        inside = np.clip(times, *self.ends)
+        piece = np.maximum(np.searchsorted(self.starts, inside, side="right") - 1, 0)
+        inputs = {"t": inside[:, None], "held": self.held[piece]}
         judged = bounded(self.motion, inputs)
         clear = ~np.logical_or.reduce([output.singular for output in judged.values()])
         clear |= times == times[-1]
@@ -283,10 +298,13 @@ class ReferenceProgram:
             for k in np.flatnonzero(clear)
         ]
         values = {name: np.array([list(map(float, row[name])) for row in exact]) for name in judged}
-        bounds = {}
+        bounds, still = {}, (inside != times)[clear]
         for name, output in judged.items():
+            errors = output.errors[clear]
+            if name in self.rates:
+                values[name][still] = errors[still] = 0.0
             size = np.abs(values[name])
-            errors = output.errors[clear] + DOUBLE.unit * size
+            errors = errors + DOUBLE.unit * size
             if by is not DOUBLE:
                 errors = errors + by.unit * (size + errors) + by.least
             bounds[name] = np.nextafter(errors, np.inf)
@@ -340,7 +358,7 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
             f"--reference: the reference '{reference.name}' cannot be written as C: "
             f"{type(error).__name__}: {error}"
         ) from error
-    return ReferenceProgram(program, starts, held)
+    return ReferenceProgram(program, starts, held, reference.ends(G))
 
 
 LATE = 1e6

@@ -9,6 +9,9 @@
 {% if real == "float" %}
    The time is in double, and so is the motion: in float, hours would be milliseconds off.
 {% endif %}
+{% if law.reference.stops %}
+   Before t = ${law.reference.ends[0]} s and after t = ${law.reference.ends[1]} s it stands still at the pose there.
+{% endif %}
    Until t = ${"%g" | format(law.moments.until)} s, they differ from those of exact numbers by at most
 ${wrapped(law.moments.in_words(), "       ")} */
 void ${label}_reference(double t, ${label}_input *input);
