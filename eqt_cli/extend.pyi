@@ -156,6 +156,9 @@ from eqt_cli.config.designs import Sobol as Sobol
 from eqt_cli.config.designs import Zip as Zip
 from eqt_cli.config.document import Document as Document
 from eqt_cli.config.experiment import Experiment as Experiment
+from eqt_cli.config.marks import WORDS as WORDS
+from eqt_cli.config.marks import NotSwept as NotSwept
+from eqt_cli.config.marks import Section as Section
 from eqt_cli.config.study import Study as Study
 from eqt_cli.engines.engine import Engine as Engine
 from eqt_cli.engines.engine import Failure as Failure

@@ -152,6 +152,7 @@ class Extension:
         self.commands: dict[str, CommandPlace] = {}
         self.functions: list[FunctionPlace] = []
         self.needs: set[str] = set()
+        self.keys: list[str] = []
 
     def need(self, name: str) -> None:
         """Name an extension of eqt that this one imports; without it, this one is left out."""
@@ -160,6 +161,10 @@ class Extension:
     def add_kind(self, kind: str, module: str) -> None:
         """Name the module of the registry of a kind of components, by its plural."""
         self.kinds[kind] = f"{self.package}.{module}"
+
+    def add_keys(self, place: str) -> None:
+        """Name a class whose fields are keys of a configuration, a `eqt_cli.extend.Section`."""
+        self.keys.append(f"{self.package}.{place}")
 
     def add_component(self, kind: str, name: str, module: str = "") -> None:
         """Name a component by the plural of its kind, ``controllers``, and its module.

@@ -65,6 +65,7 @@ from eqt_cli.components.vehicle import (
 )
 from eqt_cli.config import schema, sections
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
+from eqt_cli.config.marks import ON_GROUP, SEARCH, VEHICLE, WORDS
 from eqt_cli.config.schema import Config, GainsSection
 from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
@@ -236,7 +237,7 @@ class Experiment:
         """The configuration with all defaults; running it gives equal numbers."""
         config = self.config
         complete = config.model_dump(  # without what searches read, which changes no run
-            exclude=set(schema.marked(schema.SEARCH)), exclude_none=True, warnings="none"
+            exclude=set(schema.marked(SEARCH)), exclude_none=True, warnings="none"
         )
         if config.plant and config.plant.forces and config.known_forces:
             complete["model"] = self.document.data["model"]  # as it is written, as in all digests
@@ -273,9 +274,7 @@ def numeric(
 
     The names of files do not count, because the folder of a result holds them under other names.
     """
-    numbers = {
-        key: value for key, value in resolved.items() if schema.WORDS not in schema.marks_of(key)
-    }
+    numbers = {key: value for key, value in resolved.items() if WORDS not in schema.marks_of(key)}
     return {**renamed(numbers, hashes(files)), **({"code": dict(code)} if code else {})}
 
 
@@ -454,7 +453,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     vehicle: Vehicle = take(
         "vehicle",
         lambda: sections.vehicle_from(config, G, problems, inertia),
-        *(getattr(config, name) for name in schema.marked(schema.VEHICLE)),
+        *(getattr(config, name) for name in schema.marked(VEHICLE)),
         *(inertia, time),
         *(part for _, part in sections.inner_clocks(config, problems)),
     )
@@ -569,7 +568,7 @@ def _validated(
     ConfigError
         With the problems of all keys.
     """
-    data = document.data
+    data = schema.without_absent(document.data, problems)
     if data.get("draws") is not None:
         data = function_for(purposes.draws)(document, problems, last.take)
         problems.raise_if_any()
@@ -600,7 +599,7 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
     try:
         return group_named(name)
     except InputError as error:
-        unchecked = ", ".join(key for key in schema.marked(schema.ON_GROUP) if key in data)
+        unchecked = ", ".join(key for key in schema.marked(ON_GROUP) if key in data)
         more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
         problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
     return None

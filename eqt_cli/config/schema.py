@@ -5,40 +5,37 @@ several sections, or files, is checked by `eqt_cli.config.experiment`. The JSON 
 keys` and the reference pages come from the same tree.
 """
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import Enum
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     Tag,
     TypeAdapter,
     ValidationInfo,
     WithJsonSchema,
+    create_model,
     field_validator,
 )
 from pydantic_core import core_schema
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, Problems, parse_key
+from eqt_cli.base.errors import ComponentError, EqtWarning, InputError, Problems, parse_key
+from eqt_cli.base.extensions import Extension, imported, usable
 from eqt_cli.base.option_types import (
-    ANY,
     DAMPING,
     INERTIA,
     POSE,
     STIFFNESS,
     VELOCITY,
     Angle,
-    AnyReal,
     AsText,
     Constant,
     Count,
-    CountOrNone,
     CountOrTime,
     Duration,
     Kind,
@@ -61,6 +58,7 @@ from eqt_cli.base.option_types import (
     shown,
     validated,
 )
+from eqt_cli.base.reporting import reporter
 from eqt_cli.components.actuators import Actuator, actuators
 from eqt_cli.components.estimators import Estimator, estimators
 from eqt_cli.components.forces import Force, forces
@@ -81,7 +79,19 @@ from eqt_cli.components.tasks import Point
 from eqt_cli.components.vehicle import INNER
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number, PartKind, periods_in
-from eqt_cli.config.designs import DrawnRange
+from eqt_cli.config.marks import (
+    DESIRED,
+    ON_GROUP,
+    PLANT,
+    SEARCH,
+    SHAPES,
+    STARTS,
+    VEHICLE,
+    WORDS,
+    Mark,
+    NotSwept,
+    Section,
+)
 from eqt_cli.engines.choice import SolverKind
 from eqt_cli.engines.engine import engines
 from eqt_cli.loop.signals import Metric, metrics
@@ -335,36 +345,6 @@ class ReferenceKind(Kind):
 AnyLaw = Annotated[Any, LawKind(controllers)]  # `LawEntry`
 ReferenceSection = Annotated[Any | None, ReferenceKind(references)]  # `ReferenceEntry`
 SolverSection = Annotated[Any, SolverKind(engines)]  # `Solver`
-
-
-class Mark(Enum):
-    """What the program knows of a key of `Config`, besides its type, default and meaning."""
-
-    WORDS = "changes texts about an experiment, and none of its numbers"
-    SEARCH = "says what `eqt tune` or `eqt worst` searches for; changes no run"
-    ON_GROUP = "holds numbers that can be checked only on a group"
-    VEHICLE = "describes the vehicle between the laws and the motion"
-    PLANT = "holds numbers of the plant, which a recording determines"
-    SHAPES = "determines the shapes of arrays, or the sample times"
-    STARTS = "changes the initial states"
-    DESIRED = "changes the desired trajectory"
-
-
-WORDS, SEARCH, ON_GROUP, VEHICLE, PLANT, SHAPES, STARTS, DESIRED = Mark
-
-
-@dataclass(frozen=True)
-class NotSwept:
-    """Marks a key that no sweep can change, and says why."""
-
-    why: str
-
-
-class Section(BaseModel):
-    """A mapping with known keys only."""
-
-    # Built when first used: a section inside another is built with that one, and never alone.
-    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
 def _task_kind(value: Any) -> str | None:
@@ -763,231 +743,6 @@ class SensorsSection(Section):
     depth: list[Annotated[Sensor, _FeltKind(sensors, "depth")]] | None = None
 
 
-class LogRange(Section):
-    """A range on a logarithmic scale, in short.
-
-    Attributes
-    ----------
-    log
-        Its ends.
-    off
-        A further value, of a law without this number: `{log: [0.01, 10], off: 0}`. That law is
-        searched first, so that no law is worse in training than one that it contains.
-    times
-        Another number of the law, such as `kp`, which the ends are multiples of.
-    """
-
-    log: Annotated[list[Positive], Unit(ANY)]
-    off: Annotated[float | None, Unit(ANY)] = None
-    times: str | None = None
-
-
-def _tuned_kind(value: Any) -> str | None:
-    ends = value.get("log", [0, 0]) if isinstance(value, dict) else value
-    if not (isinstance(ends, list) and len(ends) == 2):
-        return None
-    return "ends" if ends is value else "log" if "log" in value else "range"
-
-
-TunedAxis = Annotated[
-    Annotated[list[AnyReal], Tag("ends")]
-    | Annotated[LogRange, Tag("log")]
-    | Annotated[DrawnRange, Tag("range")],
-    one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),
-]
-"""Between which values a number is tuned."""
-
-
-class WorstRunSection(Section):
-    """A bound for every run instead of the mean.
-
-    Attributes
-    ----------
-    max
-        No run may have more.
-    min
-        No run may have less.
-    """
-
-    max: Real | None = None
-    min: Real | None = None
-
-
-Bound = Annotated[
-    Annotated[Real, Tag("scalar")] | Annotated[WorstRunSection, Tag("each")],
-    one_of(
-        lambda value: "each" if isinstance(value, dict) else rank(value),
-        "a number (of the mean over runs) or {max: …} (of the worst run)",
-    ),
-]
-"""Bounds of a metric."""
-
-
-class ConfirmSection(Section):
-    """The runs on which winners are judged; none of them takes part in the search.
-
-    Attributes
-    ----------
-    runs
-        How many.
-    seed
-        Root of their random streams, none of a training sample; default: the first one after them.
-    """
-
-    runs: Count = 500
-    seed: int | None = Field(default=None, ge=0, lt=2**63)
-
-
-class ProofSection(Section):
-    """What the proofs of `objective: certified_rate` and `push_bound` are about.
-
-    Attributes
-    ----------
-    velocity
-        The proof is for all references with each |V_d,i| at most this: one number, or one for each
-        axis. Default: the box around the velocity of this reference.
-    push
-        The size of the wrench of `push_bound`, N m.
-    step
-        `subject_to: {step_torque: …}` bounds the torque at a turn of the pose by up to this angle.
-    """
-
-    velocity: Annotated[Real | list[Real], Unit(VELOCITY)] | None = None
-    push: Annotated[Real, Unit("N m"), Field(ge=0)] = 0.0
-    step: Annotated[Angle, Field(gt=0, le=np.pi)] = np.pi / 2
-
-
-class SearchSection(Section):
-    """What a search varies.
-
-    Attributes
-    ----------
-    over
-        Keys to vary, and their ranges.
-    set
-        Keys that follow from names in `over`, by formulas: `{gains.kp: 'w**2'}`.
-    """
-
-    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
-    set: dict[str, Any] = {}
-
-
-class TuneSection(SearchSection):
-    """What `eqt tune` chooses for each law, by what, and for how long it searches.
-
-    Attributes
-    ----------
-    over
-        Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
-        `{log: [low, high], off: 0, times: kp}`, or a range as of designs. `off` is a law without
-        this number, `times` another one whose multiples the ends are. Keys of an entry of
-        `controllers` are that law's own; keys of `gains` are tuned for every law that reads them. A
-        law without a key is compared as it is. A name, such as `w`, is for the formulas of `set`.
-    set
-        Keys of `gains` and `controllers` that follow from names in `over`, by formulas, as in a
-        sweep: `{gains.kp: 'w**2'}`.
-    objective
-        The metric to be made best, in the mean over runs; or a bound that is proved without runs:
-        `certified_rate`, `push_bound`.
-    objectives
-        Instead of it two metrics, of which the Pareto front is found.
-    equal
-        Metrics of which every law gets the same, in the mean over runs and cases:
-        `{effort: 50}`. A law that is best with less says so.
-    subject_to
-        Bounds of metrics: a number bounds the mean over runs from the side that is worse, `{max:
-        …}` or `{min: …}` the worst run; `failed` bounds the share of failed runs (default: 0). Of a
-        proof: `step_torque`, `bandwidth`, `delay_margin`, `damping`.
-    samples
-        Training samples: for each, a law is tuned on other runs, from other first points. Sample k
-        has the seed `ensemble.seed` + k − 1. With fewer than 3, no law is called better.
-    budget
-        Largest number of points for each law and sample, each with `ensemble.runs` runs, before the
-        samples exchange their best ones. Default: 100; of a front 1280 for each law and seed.
-    cases
-        By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
-        delays, the inertia, …; a point is run in all of them.
-    over_cases
-        The objective over cases: their mean (default), or the worst of them. Bounds hold in each.
-    confirm
-        The held-out runs on which the winners and the starting gains are compared.
-    proof
-        What a proof is about, if the objective is one: `certified_rate`, or `push_bound`. It needs
-        no runs: `budget` and `samples` are not used.
-    population
-        Of a front: points of a generation. Default: 32.
-    seeds
-        Of a front: searches for each law, with `seed` and the numbers after it. Default: 3.
-    seed
-        Of a front: of the first search. The first generation of one seed is the same for all laws.
-    """
-
-    objective: str | None = None
-    objectives: list[str] | None = None
-    equal: dict[str, Real] = Field(default_factory=dict)
-    subject_to: dict[str, Bound] = Field(default_factory=dict)
-    samples: Count = 5
-    budget: Count | None = None
-    cases: dict[str, dict[str, Any]] | None = None
-    over_cases: Literal["mean", "worst"] | None = None
-    confirm: ConfirmSection = Field(default_factory=ConfirmSection)
-    proof: ProofSection = Field(default_factory=ProofSection)
-    population: Annotated[int, Field(ge=5)] | None = None
-    seeds: Count | None = None
-    seed: CountOrNone | None = None
-
-
-class ProfileSection(Section):
-    """The runs of all laws along each key, through the worst points, which the figure shows.
-
-    Attributes
-    ----------
-    points
-        Values along each key, besides the found one. Default: 21, or fewer where they would take
-        more runs than the search, but at least 5.
-    runs
-        How many of the runs are computed at each. Default: all, `ensemble.runs`.
-    """
-
-    points: Annotated[int, Field(ge=2)] | None = None
-    runs: Count | None = None
-
-
-class WorstSection(SearchSection):
-    """Within which ranges `eqt worst` looks for the worst run of each law, and for how long.
-
-    Attributes
-    ----------
-    over
-        Keys to vary, and their ranges: `[low, high]`, `{log: [low, high]}`, or a range as of
-        designs. Any key that holds a number and that a sweep may vary; keys of an entry of
-        `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole. A name,
-        such as `w`, is for the formulas of `set`.
-    set
-        Keys that follow from names in `over`, by formulas, as in a sweep: `{gains.kp: 'w**2'}`.
-    objective
-        The metric whose worst value over all runs is looked for; a failed run is worse than any.
-    budget
-        Generations; each law has the same number.
-    population
-        Points of a generation, each with `ensemble.runs` runs.
-    seeds
-        Searches for each law, with `seed` and the numbers after it: their spread shows how far the
-        outcome depends on the seed.
-    seed
-        Of the first search. The first generations of one seed are the same points for all laws.
-    profile
-        How many runs show each law along each key, through the points that were found.
-    """
-
-    objective: str
-    budget: Count = 30
-    population: Annotated[int, Field(ge=5)] = 32
-    seeds: Count = 3
-    seed: CountOrNone = 0
-    profile: ProfileSection = Field(default_factory=ProfileSection)
-
-
 class TargetSection(Section):
     """Pose at which `task: stabilise` ends.
 
@@ -1007,9 +762,6 @@ class Config(Section):
     ----------
     name
         Name of the experiment and of its folder under results/; default: the file's stem.
-    extends
-        Configurations to take over, relative to this file: mappings merge, lists are replaced, the
-        later text wins (`eqt config show`).
     task
         Follow a `reference`, come to rest at a `target`, or point an axis.
     group
@@ -1059,13 +811,6 @@ class Config(Section):
         Blocks of `grid`, `zip`, `cases`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
         `eqt sweep`. Further entries: `set` (keys that follow), `where` and `points` (which points
         count).
-    tune
-        What `eqt tune` searches for; every other command leaves it aside.
-    worst
-        Where `eqt worst` searches for the worst run; every other command leaves it aside.
-    live
-        Keys that sliders of `eqt live` move, and their ranges: {gains.kp: [0.1, 10]}, with a step
-        [0.1, 10, 0.05], or null for the usual range. Default: gains, inertia and the start.
     settling_threshold
         Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
         such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
@@ -1090,7 +835,6 @@ class Config(Section):
     """
 
     name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None
-    extends: Annotated[str | list[str] | None, NotSwept("is read at first"), WORDS] = None
     task: Annotated[AnyTask, NotSwept("decides which laws can be used")] = "track"
     group: Annotated[str, SHAPES]
     inertia: Annotated[InertiaValue, ON_GROUP, PLANT, DESIRED]
@@ -1116,21 +860,64 @@ class Config(Section):
         Field(default_factory=StoreSection.model_construct)
     )
     sweep: Annotated[list[dict[str, Any]] | None, NotSwept("cannot contain itself")] = None
-    tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None
-    worst: Annotated[WorstSection | None, NotSwept("chooses its own points"), SEARCH] = None
-    live: Annotated[dict[str, Any] | None, NotSwept("moves keys in a page"), WORDS] = None
     settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
     failed_when: Annotated[dict[str, Any] | None, ON_GROUP] = None
     measure: Annotated[MeasureSection | None, NotSwept("decides what a result contains")] = None
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     metrics: Annotated[list[AnyMetric] | None, NotSwept("decides what a result contains")] = None
-    plugins: Annotated[list[str], NotSwept("is loaded once")] = []
+    plugins: Annotated[list[str], NotSwept("is loaded once")] = Field(default=[])
 
     @property
     def known_forces(self) -> Any:
         """The forces of `model`, or `plant`; None where laws know none."""
         return None if self.model is None else self.model.forces
+
+
+def with_keys_of(extensions: Iterable[Extension], core: type[Config] = Config) -> type[Config]:
+    """Return the keys of the core, and those of extensions behind them.
+
+    Of two extensions with one key, the second is left out with a remark, as is one of another
+    distribution whose keys cannot be loaded.
+    """
+    owners, bases = dict.fromkeys(core.model_fields, "eqt"), [core]
+    for extension in extensions:
+        for place in extension.keys:
+            try:
+                keys = imported(place)
+                for key in owners.keys() & keys.model_fields:
+                    raise ComponentError(f"{owners[key]} has the key `{key}`, too")
+            except Exception as error:
+                name = extension.name
+                message = (
+                    f"extension '{name}': its keys are left out: {error}; change or uninstall it"
+                )
+                reporter().remark(EqtWarning(message))
+            else:
+                owners |= dict.fromkeys(keys.model_fields, f"extension '{extension.name}'")
+                bases.append(keys)
+    of_all: Any = create_model("Config", __base__=tuple(bases[::-1]), __module__=__name__)
+    of_all.__doc__ = core.__doc__
+    return of_all
+
+
+if not TYPE_CHECKING:  # which knows the keys of eqt alone
+    Config = with_keys_of(usable())
+
+
+OF_EXTENSIONS = {"extends": "merging", "live": "live", "tune": "search", "worst": "search"}
+"""The extensions of eqt that have keys, by key."""
+
+
+def without_absent(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return a configuration without keys of extensions that are not installed; note these."""
+    absent = [key for key in OF_EXTENSIONS if key in data and key not in Config.model_fields]
+    for key in absent:
+        problems.at(key).add(
+            f"belongs to {OF_EXTENSIONS[key]}, which is not installed; install eqt again, or "
+            "remove this key"
+        )
+    return {key: value for key, value in data.items() if key not in absent} if absent else data
 
 
 def marked(mark: Mark) -> list[str]:

@@ -37,6 +37,7 @@ from eqt_cli.components.vehicle import ACTUATORS, CONTROL, INNER, SIGNALS, Vehic
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
 from eqt_cli.config.document import Place, with_data
+from eqt_cli.config.marks import Section
 from eqt_cli.config.schema import Config
 from eqt_cli.numbers.rounded import inverse
 
@@ -918,7 +919,7 @@ def _inertia(
         if not here and vehicle_parts.drawn(value, None) <= -1:
             here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
         return vehicle_parts.RelativeInertia(value)
-    if isinstance(section, schema.Section):
+    if isinstance(section, Section):
         law = inertia_from(section, G, horizon, problems)
         return None if law is None else vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)

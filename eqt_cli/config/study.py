@@ -22,9 +22,10 @@ from eqt_cli.components.vehicle import INNER, Vehicle
 from eqt_cli.config.designs import EXPECTED, Sweep
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment, LastPoint, digest_of, hashes, numeric, renamed
+from eqt_cli.config.marks import DESIRED, SHAPES, STARTS, VEHICLE
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
+from eqt_cli.config.schema import Config, marks_of, not_swept
 from eqt_cli.config.sections import decides_parts
 from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import Compiled

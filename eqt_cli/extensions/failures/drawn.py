@@ -32,7 +32,8 @@ from eqt_cli.components.vehicle_parts import (
     is_drawn,
 )
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import VEHICLE, marks_of
+from eqt_cli.config.marks import VEHICLE
+from eqt_cli.config.schema import marks_of
 from eqt_cli.config.study import Study
 
 PREFIX, SUFFIX = "drawn.", ", drawn"

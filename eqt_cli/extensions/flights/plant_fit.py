@@ -15,8 +15,9 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import Block, TextTable, significant, step
 from eqt_cli.config.document import Document, changed_at, entries_of, expanded, value_at
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.marks import PLANT
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import PLANT, marks_of
+from eqt_cli.config.schema import marks_of
 from eqt_cli.config.study import study
 from eqt_cli.extensions.flights import prediction
 from eqt_cli.extensions.flights.prediction import DELAY, Linear, ReplayWindow, Windows

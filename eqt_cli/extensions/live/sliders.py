@@ -21,7 +21,8 @@ from eqt_cli.base import units
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import ConfigError, EqtError, parse_key
 from eqt_cli.config.document import value_at
-from eqt_cli.config.schema import SHAPES, marks_of, not_swept
+from eqt_cli.config.marks import SHAPES
+from eqt_cli.config.schema import marks_of, not_swept
 from eqt_cli.extensions.live.programs import LiveLoop
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.rounded import inverse as inverse_of

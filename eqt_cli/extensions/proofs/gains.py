@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,7 +22,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import TuneSection
 from eqt_cli.extensions.proofs.margins import CutLoop, delay_margin, known_reference
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import off_limits
@@ -86,6 +85,13 @@ def at_rest(loop: ClosedLoop) -> dict[str, float]:
     return {"bandwidth": float(np.abs(poles).max()), "delay_margin": delay, "damping": damping}
 
 
+class TuneKeys(Protocol):
+    """What proofs read of a section `tune`: the bounds, and `velocity`, `push` and `step`."""
+
+    subject_to: Mapping[str, Any]
+    proof: Any
+
+
 @dataclass(frozen=True)
 class _Search:
     """The search for the best gains of a law, which has a label, axes, and documents `at` values.
@@ -97,7 +103,7 @@ class _Search:
     """
 
     law: Any
-    section: TuneSection
+    section: TuneKeys
     box: proofs.Box
     push: float
 
@@ -218,7 +224,7 @@ class ProvedObjective(NamedTuple):
     name: str
     column: str
 
-    def check(self, section: TuneSection, base: Experiment, problems: Problems) -> None:
+    def check(self, section: TuneKeys, base: Experiment, problems: Problems) -> None:
         """Note what in a section `tune` does not go with a proof."""
         for name, bound in section.subject_to.items():
             at = problems.at("subject_to", name)
@@ -239,7 +245,7 @@ class ProvedObjective(NamedTuple):
                 "estimator, actuators and plant"
             )
 
-    def gains(self, law: Any, section: TuneSection, base: Experiment) -> dict[str, Any]:
+    def gains(self, law: Any, section: TuneKeys, base: Experiment) -> dict[str, Any]:
         """Return the record of the best gains of a law within the ranges and bounds.
 
         Its `values` are empty where nothing is proved; then it has `why`.
@@ -281,7 +287,7 @@ class ProvedObjective(NamedTuple):
 NOT_SAID = "To first order; no limits, delays or noise. For large errors: eqt margins --from."
 
 
-def _box(section: TuneSection, base: Experiment) -> proofs.Box:
+def _box(section: TuneKeys, base: Experiment) -> proofs.Box:
     """Return the box of velocities for which the section wants a proof."""
     v, m = section.proof.velocity, base.group.dimension
     if v is None:

@@ -6,6 +6,7 @@ from eqt_cli.base.extensions import COMPUTE, Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
+    extension.add_keys("keys.Keys")
     extension.add_component("figures", "fronts", "figures")
     extension.add_component("figures", "worst", "figures")
     extension.add_command("tune", "commands.tune", COMPUTE, "configs/tune_paper.yaml", "compare")

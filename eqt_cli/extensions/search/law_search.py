@@ -17,9 +17,11 @@ from eqt_cli.components.laws import gains_group
 from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.marks import VEHICLE
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import VEHICLE, Config, LogRange, TunedAxis, marks_of, without_search
+from eqt_cli.config.schema import Config, marks_of, without_search
 from eqt_cli.config.study import Study
+from eqt_cli.extensions.search.keys import LogRange, TunedAxis
 from eqt_cli.extensions.search.record import Kind
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities

@@ -33,11 +33,11 @@ from eqt_cli.config.document import Document, changed_at, expanded
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remark_on
-from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search import fronts, law_search
 from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
+from eqt_cli.extensions.search.keys import SearchSection
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder, TunedRange
 from eqt_cli.extensions.search.record import AS_IT_IS, Kind
 from eqt_cli.extensions.search.run_numbers import Numbers

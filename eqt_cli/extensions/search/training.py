@@ -14,11 +14,11 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER
 from eqt_cli.base.reporting import brief, count_of, reporter
 from eqt_cli.config.document import Document
-from eqt_cli.config.schema import TuneSection
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, SETTLED, more_of, rounds_of
 from eqt_cli.extensions.search.fronts import Constraint
+from eqt_cli.extensions.search.keys import TuneSection
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
 from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
 from eqt_cli.extensions.search.record import AS_IT_IS, values_text

@@ -19,11 +19,12 @@ from eqt_cli.config.designs import Cases
 from eqt_cli.config.document import Document, changed_at, entries_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import TuneSection, WorstRunSection, without_search
+from eqt_cli.config.schema import without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
 from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, enough, more_of, rounds_of
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
+from eqt_cli.extensions.search.keys import TuneSection, WorstRunSection
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder, TunedRange
 from eqt_cli.extensions.search.model_search import Best, ModelSearch, Tried
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE, values_text

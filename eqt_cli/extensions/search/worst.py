@@ -15,10 +15,11 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief, reporter
 from eqt_cli.config.document import Document, entries_of, expanded, value_at
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import WorstSection, without_search
+from eqt_cli.config.schema import without_search
 from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.extensions.search import law_search
 from eqt_cli.extensions.search.fronts import Population, Scores, selected
+from eqt_cli.extensions.search.keys import WorstSection
 from eqt_cli.extensions.search.law_search import TunedRange
 from eqt_cli.extensions.search.record import WORST, agree, costs_of_runs
 from eqt_cli.extensions.search.run_numbers import Numbers

@@ -18,7 +18,7 @@ from eqt_cli.base.option_types import shown, validated
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.components.laws import controllers
 from eqt_cli.config.document import Document, entries_of, remember_executed, value_at, with_value
-from eqt_cli.config.schema import LogRange, TunedAxis
+from eqt_cli.extensions.search.keys import LogRange, TunedAxis
 from eqt_cli.extensions.search.law_search import range_of
 from eqt_cli.extensions.suite.tasks import Task
 

@@ -22,7 +22,8 @@ from eqt_cli.base.errors import EqtError, KeyPath, Problems, suggestion
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Count, Real, shown, validated
 from eqt_cli.config.document import Document, Place
-from eqt_cli.config.schema import Section, TunedAxis
+from eqt_cli.config.marks import Section
+from eqt_cli.extensions.search.keys import TunedAxis
 
 VERSION = "eqt-suite-2"
 """The suite that this version of eqt judges by."""
