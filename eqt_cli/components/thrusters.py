@@ -1,9 +1,9 @@
 """Thrusters that together give the torque: their allocation, their limits, their lag."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, combinations
+from itertools import chain
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -15,10 +15,7 @@ from eqt_cli.base.arrays import (
     absolute,
     apply_matrix,
     clip,
-    exp,
-    less,
     maximum,
-    norm,
     outside,
     smooth_less,
     sqrt,
@@ -27,8 +24,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
-from eqt_cli.base.option_types import Positive, Real, Scale, Unit
-from eqt_cli.base.registry import Keys
+from eqt_cli.base.option_types import Real, Scale, Unit
 from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import (
     THRUSTS,
@@ -39,9 +35,22 @@ from eqt_cli.components.actuators import (
     check_members,
     of_each,
 )
+from eqt_cli.components.allocation import (
+    NEAR,
+    SMALLEST,
+    allocation,
+    axes_of,
+    by_priority,
+    faces_of,
+    lost_directions,
+    nearest_thrusts,
+    unreachable,
+    words_of,
+)
 from eqt_cli.components.forces import sines, wave
 from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
+from eqt_cli.components.thruster_parts import Failure, Jets, Noise, Priority, Thruster, Waves
 from eqt_cli.components.vehicle_parts import (
     Number,
     Numbers,
@@ -55,7 +64,7 @@ from eqt_cli.components.vehicle_parts import (
 )
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
-from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse
+from eqt_cli.numbers.rounded import is_exact, product
 
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
@@ -69,18 +78,6 @@ LAGS = "time_constant", "time_constant_down"
 POSITIVE = (*LAGS, "weights", "thrust_constant", "moment_constant", "rotor_inertia", "isp")
 """Options that are numbers above 0."""
 
-SMALLEST = 1e-10
-"""Largest singular value of B, relative to the largest of all, that counts as 0."""
-
-ALL = 0.995
-"""Share of a torque from which on all of it arrives."""
-
-FAINT = 1e-6
-"""Norm of a row of B, relative to the largest, that digits of the thrusters' directions explain."""
-
-NEAR = 1e-12
-"""A solved thrust so near its limit, in N and relative to it, is at the limit."""
-
 THRUST = signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster")
 
 SAMPLES = 4_001
@@ -88,155 +85,6 @@ SAMPLES = 4_001
 
 MOST = 12
 """Most thrusters of an allocation by priority: the reachable set has many faces."""
-
-
-@dataclass(frozen=True)
-class Thruster(Keys):
-    """One thruster of SE2 or SE3, in the body frame.
-
-    Attributes
-    ----------
-    at
-        Point at which the thrust acts, m.
-    along
-        The direction of its thrust; the length does not matter.
-    turns
-        The torque about `along` for each N of thrust, from the drag of its propeller, m; SE3 only.
-        With a `moment_constant` k_m, this torque is turns · k_m · speed²: 1, or −1 for a rotor that
-        spins counter-clockwise seen from where it pushes to.
-    name
-        What figures call it; `thruster 1`, … if left out.
-    """
-
-    at: Annotated[list[Number], Unit("m")]
-    along: list[Number]
-    turns: Annotated[Real, Unit("m")] = 0.0
-    name: str = ""
-
-    def wrench(self, G: EuclideanGroup, ratio: float = 1.0) -> Array:
-        """Return torque and force of a unit thrust, ``(m,)``: ⟨f, V⟩ is the power at the point.
-
-        `ratio` is that of `turns`.
-        """
-        along = np.array(self.along, dtype=float)
-        along = along / norm(along)
-        point = np.append(np.array(self.at, dtype=float), 1.0)
-        wrench = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
-        if G.space == G.rotations:
-            wrench[: G.rotations] += ratio * self.turns * along
-        return wrench
-
-
-@dataclass(frozen=True)
-class Failure(Keys):
-    """The failure of one thruster.
-
-    Attributes
-    ----------
-    rotor
-        Number, from 1, or name of the thruster.
-    at
-        When, s.
-    to
-        The share of its commanded thrust that is left.
-    """
-
-    rotor: int | str
-    at: Annotated[Number, Scale("time of the failure", "s")]
-    to: Annotated[Real, Scale("thrust left to the rotor", "1")] = 0.0
-
-
-@dataclass(frozen=True)
-class Noise(Keys):
-    """Noise of motors: of the speed of a rotor, or the thrust of another thruster.
-
-    That of each thruster is a sum of sines with the spectrum 2σ²T/(1 + ω²T²), as of a `gust`.
-
-    Attributes
-    ----------
-    std
-        σ, rad/s of rotors, else N.
-    time_constant
-        T, s, after which the correlation is about 1/e; 0.31 with these sines.
-    """
-
-    std: Annotated[Number, Unit("rad/s")]
-    time_constant: Annotated[Number, Scale("time constant of the noise", "s")]
-
-
-@dataclass(frozen=True)
-class Waves(Keys):
-    """The noise of a run: frequencies ω ``(sines,)``, a cos φ and a sin φ ``(sines, k)``."""
-
-    frequency: Any
-    sine: Any
-    cosine: Any
-
-
-@dataclass(frozen=True)
-class Priority(Keys):
-    """Directions of a command by their priority, for `allocation: {kind: priority, order: …}`.
-
-    Attributes
-    ----------
-    order
-        Groups of directions, the most important first: a name such as torque z, or a list. The
-        word force is all forces along which the thrusters push, torque all torques.
-    """
-
-    kind: Literal["priority"]
-    order: list[str | Annotated[list[str], Field(min_length=1)]]
-
-
-@dataclass(frozen=True)
-class Jets(Keys):
-    """Thrusters that are on, at `high`, or off; each by its share r of `high` that is asked.
-
-    Their valves switch at the instants of the thrusters' `period`, where engines end a step, so
-    that a pulse has the impulse of its width. With `every`, a jet is on for r · every from the
-    beginning of each such time, or off where that is below the minimum (pulse width, rounded to
-    whole instants). Else pulse-width pulse-frequency modulation (Wie, Space Vehicle Dynamics and
-    Control; Sidi, Spacecraft Dynamics and Control, chapter 9): a filter T ẋ = K (r − s) − x with
-    the state s of the jet, 1 or 0, and a Schmitt trigger, s = 1 once x > `on`, and 0 once x <
-    `off`.
-
-    Attributes
-    ----------
-    minimum
-        The shortest time for which a jet is on, s, rounded to whole instants: its impulse bit over
-        its thrust.
-    every
-        Time from the start of one pulse to the start of the next, s; without the keys below.
-    gain
-        K.
-    time_constant
-        T, s.
-    on, off
-        Levels of the trigger.
-    """
-
-    minimum: Annotated[Positive, Scale("shortest pulse of the jets", "s")]
-    every: Annotated[Positive | None, Scale("period of the pulses", "s")] = None
-    gain: Annotated[Positive, Scale("gain of the pulse modulator")] = 4.5
-    time_constant: Annotated[Positive, Scale("time constant of the pulse modulator", "s")] = 0.15
-    on: Annotated[Positive, Scale("level that opens the jets")] = 0.45
-    off: Annotated[Positive, Scale("level that closes the jets")] = 0.15
-
-    def after(self, share: Array, x: Array, period: float) -> Array:
-        """Return s, the time that is left of a pulse or its period, and the level, for a period."""
-        was, left, level = np.split(x, 3, axis=-1)
-        if self.every is not None:
-            begins = less(left, 0.5 * period)
-            width = where(less(share * self.every, self.minimum), 0.0, share * self.every)
-            level, left = where(begins, width, level), where(begins, self.every, left)
-            on = where(less(0.5 * period, level), 1.0, 0.0)
-            return np.concatenate([on, left - period, level - period], axis=-1)
-        free = where(less(self.on, level), 1.0, where(less(level, self.off), 0.0, was))
-        on = where(less(0.5 * period, left), 1.0, free)
-        left = where(less(was, on - 0.5), self.minimum, left)
-        fall = exp(-period / self.time_constant)
-        level = fall * level + (1.0 - fall) * self.gain * (share - on)
-        return np.concatenate([on, left - period, level], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -546,13 +394,13 @@ class Thrusters(Solving, Running):
         self.check_order(G, problems)
         if isinstance(self.allocation, Priority) and not problems:  # it may fit other directions
             groups = [
-                tuple(axis for word in _listed(group) for axis in _axes(word, directions, rows))
+                tuple(axis for word in words_of(group) for axis in axes_of(word, directions, rows))
                 for group in self.allocation.order
             ]
             rows = rows[[*chain(*groups)]]
             null: Array = unreachable(rows.T) / scale**2  # times the least thrusts: 0
             values |= {"groups": (*groups, *((),) * len(null)), "passed": None}
-            values["faces"] = _faces(np.concatenate([rows, null]), values["low"], values["high"])
+            values["faces"] = faces_of(np.concatenate([rows, null]), values["low"], values["high"])
         used = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
         return with_fields(self, thrusters=named, **used, **values)
@@ -770,10 +618,10 @@ class Thrusters(Solving, Running):
             command, B = apply_matrix(W, command), W @ B
         if self.groups:
             inverse, *faces = self.faces
-            met = _by_priority(command, self.groups, faces)
+            met = by_priority(command, self.groups, faces)
             return clip(apply_matrix(inverse, met), self.low, self.high)
         command = command if self.passed is None else apply_matrix(self.passed, command)
-        solve = np.vectorize(_nearest, [float], signature="(m),(m,k),(k),(k),(k),(k)->(k)")
+        solve = np.vectorize(nearest_thrusts, [float], signature="(m),(m,k),(k),(k),(k),(k)->(k)")
         thrusts = solve(command, B, free, self.scale, self.low, self.high)
         return thrusts
 
@@ -844,9 +692,9 @@ class Thrusters(Solving, Running):
         def pushes(axis: int) -> bool:
             return not len(unreachable(B[[*named, axis]], self.least))
 
-        order = enumerate(map(_listed, self.allocation.order))
+        order = enumerate(map(words_of, self.allocation.order))
         for k, word in ((k, word) for k, group in order for word in group):
-            here, axes = problems.at(k), _axes(word, names, B)
+            here, axes = problems.at(k), axes_of(word, names, B)
             if not axes:
                 here.add(f"expected a direction, {', '.join(names)}, got '{word}'")
             for axis in axes:
@@ -1008,204 +856,3 @@ class Thrusters(Solving, Running):
                 problems.at(index).at("name").add(
                     f"expected a unique name, got '{name}', which thrusters[{first}] has"
                 )
-
-
-def _norms(B: Array) -> Array:
-    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are `FAINT` beside the largest."""
-    largest = np.maximum(np.abs(B).max(axis=1, keepdims=True), np.finfo(float).tiny)
-    norms: Array = largest * np.linalg.norm(B / largest, axis=1, keepdims=True)  # none overflows
-    return np.where(norms > FAINT * norms.max(), norms, 1.0)
-
-
-def allocation(B: Array, least: float, scale: Array) -> tuple[Array, Array | None]:
-    """Return B⁺ without weak directions, and the commands that pass through it; None for all.
-
-    A direction is weak where a singular value of B, with rows divided by their norms, is below
-    `least` of the largest. The sum of squares of u/scale is least.
-    """
-    norms = _norms(B)
-    U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
-    strong = sizes >= least * sizes[0]
-    if not (~strong & (sizes > SMALLEST * sizes[0])).any():
-        return scale[:, None] * pseudo_inverse(B * scale, int(strong.sum())), None
-    row_space = U[:, strong].T / norms[:, 0]
-    inverse = scale[:, None] * np.linalg.pinv(row_space @ B * scale) @ row_space
-    return inverse, B @ inverse
-
-
-def lost_directions(
-    G: MatrixLieGroup, wanted: Array, B: Array, least: float, actuators: str, is_told: bool = True
-) -> Iterator[str]:
-    """Yield remarks on the wanted directions, ``(k, m)``, in which little or nothing pushes.
-
-    An allocation that is told B gives these up; one by other numbers asks for them in vain.
-    """
-    lost, weak = unreachable(B), unreachable(B, least)
-    shares = np.diagonal(B @ allocation(B, least, np.ones(B.shape[1]))[0])
-    parts = [
-        f"{_in_words(row, G.axis_names)} {100 * share:.2g} %"
-        for row, share in zip(wanted, shares.tolist(), strict=True)
-        if is_told and np.sqrt(SMALLEST) < share < ALL
-    ]
-    arrives = f"; of what it asks along one axis alone arrives {', '.join(parts)}" if parts else ""
-    if len(lost):
-        named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
-        rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
-        yield f"with {rank} cannot push along {named}; what a law asks for there is lost{arrives}"
-        arrives = ""
-    if len(weak) > len(lost):
-        weak /= np.abs(weak).max(axis=1, keepdims=True)
-        named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
-        pushed = f"push along {named} with less than {least:g} of their strength elsewhere"
-        if not is_told:
-            yield f"{pushed}, and the allocation, by the means of drawn numbers, asks for more"
-            return
-        yield (
-            f"{pushed} (the rows of B divided by their norms), which is given up: what a law asks "
-            f"for there is lost{arrives}; add {actuators}, or set a smaller least"
-        )
-
-
-def unreachable(B: Array, least: float = SMALLEST) -> Array:
-    """Return the directions n with nᵀB = 0 as rows ``(m − rank, m)``, in few coordinates each.
-
-    Singular values of B, with rows divided by their norms, count as 0 below `least` of the largest.
-    """
-    norms = _norms(B)
-    U, sizes, _ = np.linalg.svd(B / norms)
-    rank = int((sizes >= max(least, SMALLEST) * max(sizes[0], np.finfo(float).tiny)).sum())
-    rows = U[:, rank:].T.copy()
-    if least > SMALLEST:
-        rows[np.abs(rows) < least * np.abs(rows).max(axis=1, keepdims=True, initial=0.0)] = 0.0
-    rows /= norms[:, 0]
-    rows /= np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
-    done = 0
-    for column in range(rows.shape[1]):  # Gauss-Jordan, largest entries first
-        if done == len(rows):
-            break
-        best = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[best, column]) < np.sqrt(SMALLEST):
-            continue
-        rows[[done, best]] = rows[[best, done]]
-        rows[done] /= rows[done, column]
-        others = np.arange(len(rows)) != done
-        rows[others] -= np.outer(rows[others, column], rows[done])
-        done += 1
-    return np.where(np.abs(rows) < np.sqrt(SMALLEST), 0.0, rows)
-
-
-def _in_words(direction: Array, names: Sequence[str]) -> str:
-    """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``.
-
-    Its first number that is not 0 is 1.
-    """
-    words = ""
-    for number, name in zip(direction.tolist(), names, strict=True):
-        if number:
-            sign = (" − " if number < 0 else " + ") if words else ""
-            size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
-            words += f"{sign}{size}{name}"
-    return words
-
-
-def _nearest(command: Array, B: Array, free: Array, scale: Array, low: Array, high: Array) -> Array:
-    """Return the thrusts within limits whose torque is nearest to a command.
-
-    `free` are those without limits.
-    """
-    if not np.isfinite(command).all():
-        return np.full(len(low), np.nan)
-    if (free >= low).all() and (free <= high).all():
-        return free
-    from scipy.optimize import lsq_linear  # slow to import
-
-    # An active set ends at the very optimum, but counts each change of the set as an iteration.
-    limits, most = (low / scale, high / scale), 100 * len(low)
-    solved = lsq_linear(B * scale, command, limits, method="bvls", tol=1e-14, max_iter=most)
-    at = solved.active_mask
-    return np.where(at < 0, low, np.where(at > 0, high, np.clip(scale * solved.x, low, high)))
-
-
-# Allocation by priority ---------------------------------------------------------------------------
-
-
-def _listed(group: str | list[str]) -> list[str]:
-    return [group] if isinstance(group, str) else group
-
-
-def _axes(word: str, names: Sequence[str], B: Array) -> list[int]:
-    """Return the axis of a direction, or all of a kind along which anything pushes."""
-    of_kind = [k for k, name in enumerate(names) if name.split()[0] == word and B[k].any()]
-    return [names.index(word)] if word in names else of_kind
-
-
-def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
-    """Return C⁻¹, and for each r the faces of the set that r rows of C reach within limits.
-
-    The set is a zonotope; the normal of each face is normal to r − 1 columns. A face gives a
-    range of y_r from the numbers y before it, [l + w·y, h + w·y], here as a row (l, h, w).
-    """
-    norms, faces = _norms(C), [np.linalg.inv(C)]
-    for r in range(1, len(C) + 1):
-        columns = np.array([*combinations(range(len(C)), r - 1)], dtype=int)
-        A = C[:r] / norms[:r]
-        normals = np.linalg.svd(A[:, columns].swapaxes(0, 1))[0][..., -1]
-        # Others limit the numbers before alone. The number of rows must not depend on B.
-        normals = np.resize(normals[np.abs(normals[:, -1]) > SMALLEST], normals.shape)
-        pushes = np.stack([normals @ A * low, normals @ A * high])
-        ends = np.stack([pushes.min(axis=0).sum(axis=-1), pushes.max(axis=0).sum(axis=-1)], axis=-1)
-        of_rows = normals / norms[:r, 0]
-        rows = np.concatenate([ends, -of_rows[:, :-1]], axis=-1) / of_rows[:, -1:]
-        rows[:, :2].sort(axis=-1)
-        faces.append(rows)
-    return tuple(faces)
-
-
-def _by_priority(command: Array, groups: Sequence[Sequence[int]], faces: Sequence[Array]) -> Array:
-    """Return the numbers y of groups, as near to the command as the faces and those before allow.
-
-    For a group of several, c is the reachable point nearest to 0, coordinate by coordinate;
-    y = c + s (d − c) with the largest s ≤ 1. Groups without axes are thrusts without effect.
-    """
-    y = command[..., :0]
-    for group in groups:
-        d = stack([command[..., axis] for axis in group] or [0.0 * command[..., 0]])
-        start, count, c = y.shape[-1], d.shape[-1], y
-        for face in faces[start : start + count]:
-            low, high = _ends(c, face)
-            nearest = d if count == 1 else 0.0 * d[..., :1]
-            c = np.concatenate([c, clip(nearest, -_least(-low), _least(high))], axis=-1)
-        y = c
-        if count == 1:
-            continue
-        move = np.concatenate([0.0 * c[..., :start], d - c[..., start:]], axis=-1)
-        share = 1.0 + 0.0 * d[..., :1]
-        for r in range(start, start + count):
-            w, (low, high) = faces[r][..., 2:], _ends(c[..., :r], faces[r])
-            slope = move[..., r, None] - _product(w, move[..., :r])
-            size = absolute(move[..., r, None]) + _product(absolute(w), absolute(move[..., :r]))
-            room = where(less(0.0, slope), high - c[..., r, None], c[..., r, None] - low)
-            counts = less(NEAR * size, absolute(slope))
-            shares = where(counts, room / where(counts, absolute(slope), 1.0), 1.0)
-            share = clip(_least(shares), 0.0, share)
-        y = c + share * move
-    return y
-
-
-def _ends(y: Array, face: Array) -> tuple[Array, Array]:
-    """Return the ranges of the next number by each face, ``(..., n)``."""
-    moved = _product(face[..., 2:], y)
-    return face[..., 0] + moved, face[..., 1] + moved
-
-
-def _product(w: Array, y: Array) -> Array:
-    """Return w·y; 0 of no numbers."""
-    return apply_matrix(w, y) if y.shape[-1] else 0.0 * w.sum(axis=-1)
-
-
-def _least(x: Array) -> Array:
-    """Return the least number along the last axis, ``(..., 1)``."""
-    while (n := x.shape[-1]) > 1:
-        a, b = x[..., : n // 2], x[..., n // 2 : n // 2 * 2]
-        x = np.concatenate([where(less(a, b), a, b), x[..., n // 2 * 2 :]], axis=-1)
-    return x

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 from eqt_cli.components.propellers import Propellers
-from eqt_cli.components.thrusters import Failure, Jets, Priority, Thruster, Thrusters
+from eqt_cli.components.thruster_parts import Failure, Jets, Priority, Thruster
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import group_named
 

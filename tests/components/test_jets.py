@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.thrusters import Jets, Priority, Thrusters
+from eqt_cli.components.thruster_parts import Jets, Priority
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.extend import group_named
 from eqt_cli.numbers.leaves import leaves, with_leaves
 

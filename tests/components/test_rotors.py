@@ -13,7 +13,8 @@ from said import mentions
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.thrusters import Failure, Thruster, Thrusters
+from eqt_cli.components.thruster_parts import Failure, Thruster
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import Drag, EqtError, Restoring, group_named
 from eqt_cli.loop.linearised import flow

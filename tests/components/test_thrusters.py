@@ -12,8 +12,10 @@ from scipy.optimize import lsq_linear
 
 from eqt_cli.api import load_experiment
 from eqt_cli.api.loading import open_at
+from eqt_cli.components.allocation import allocation, unreachable
 from eqt_cli.components.blocks import beyond_limits, signals, solution
-from eqt_cli.components.thrusters import Thruster, Thrusters, allocation, unreachable
+from eqt_cli.components.thruster_parts import Thruster
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
 from eqt_cli.config.remarks import limits_below_reference

@@ -23,9 +23,9 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Scale, Unit
 from eqt_cli.base.stored import Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
+from eqt_cli.components.allocation import lost_directions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
-from eqt_cli.components.thrusters import lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, drawn, is_drawn
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -30,8 +30,8 @@ from eqt_cli.base.option_types import Angle, Positive, Real, Scale, Unit
 from eqt_cli.base.registry import Keys
 from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
+from eqt_cli.components.allocation import allocation, lost_directions
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.thrusters import allocation, lost_directions
 from eqt_cli.components.vehicle_parts import Number, Numbers, drawn, is_drawn
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse, rounded

@@ -14,7 +14,8 @@ from said import says
 
 import eqt_cli
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.components.thrusters import Priority, Thrusters
+from eqt_cli.components.thruster_parts import Priority
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.config.study import Study
 from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
