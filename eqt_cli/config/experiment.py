@@ -63,7 +63,7 @@ from eqt_cli.components.vehicle import (
     with_inner,
     without_inner,
 )
-from eqt_cli.config import schema, sections
+from eqt_cli.config import schema, sections, tensors
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
 from eqt_cli.config.marks import ON_GROUP, SEARCH, VEHICLE, WORDS
 from eqt_cli.config.schema import Config, GainsSection
@@ -242,7 +242,7 @@ class Experiment:
         if config.plant and config.plant.forces and config.known_forces:
             complete["model"] = self.document.data["model"]  # as it is written, as in all digests
         if config.gains:
-            complete["gains"] = sections.kp_and_kd(config.gains, self.group, Problems())
+            complete["gains"] = tensors.kp_and_kd(config.gains, self.group, Problems())
         return complete | {
             **self.desired.resolved,
             "controllers": [law.resolved | {"label": name} for name, law in self.laws.items()],
@@ -447,7 +447,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     at_inertia = problems.at("inertia")
     inertia: InertiaLaw | None = take(
         "inertia",
-        lambda: sections.inertia_from(config.inertia, G, time.duration, at_inertia),
+        lambda: tensors.inertia_from(config.inertia, G, time.duration, at_inertia),
         *(config.inertia, time),
     )
     vehicle: Vehicle = take(
@@ -625,7 +625,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             held = f"an earlier controller has the label '{same}'"
             here.add(f"{held}; give this one another `label`{also}")
         else:
-            gains = sections.kp_and_kd(entry.gains, gains_group(law, G), here.at("gains"))
+            gains = tensors.kp_and_kd(entry.gains, gains_group(law, G), here.at("gains"))
             keys = gains, entry.known_forces, entry.inner, entry.written
             laws[label] = Law(law, index, *keys, files, code)
     return laws
@@ -636,14 +636,14 @@ def gains_of(
 ) -> dict[str, Gains]:
     """Return the gains of every law, by label."""
     here = problems.at("gains")
-    section = sections.kp_and_kd(config.gains, G, here)
+    section = tensors.kp_and_kd(config.gains, G, here)
     if config.gains is not None:
         if not here:
             for name in {"kp", "kd"} - section.keys():
                 here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
     elif any(law.law.reads_gains and len(law.gains) < 2 for law in laws.values()):
         here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
-    shared = cache(partial(sections.gains_from, section, G, here))
+    shared = cache(partial(tensors.gains_from, section, G, here))
     by_label = {}
     for label, law in laws.items():
         axes = task_of(config.task).axes(law.law)
@@ -652,7 +652,7 @@ def gains_of(
         if group is not G:
             gains = _gains_of_inner(law, group, axes, at_law)
         elif law.gains:
-            gains = sections.gains_from(section | law.gains, G, at_law, axes)
+            gains = tensors.gains_from(section | law.gains, G, at_law, axes)
         else:
             gains = shared(axes) or (None if law.law.reads_gains else _unread_gains(G))
         if gains is not None:
@@ -671,7 +671,7 @@ def _gains_of_inner(law: Law, group: MatrixLieGroup, axes: Any, problems: Proble
             f"{MISSING}: {law.law.name} needs its own gains, of its law on {group.name}, "
             "such as gains: {kp: 4, kd: 2}"
         )
-    return sections.gains_from(law.gains, group, problems, axes)
+    return tensors.gains_from(law.gains, group, problems, axes)
 
 
 def _unread_gains(G: MatrixLieGroup) -> Gains:
