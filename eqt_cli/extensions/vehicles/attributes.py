@@ -6,9 +6,9 @@ changes nothing, such as a damping of 0, is neither noted nor refused. The first
 holds: in ``link: inertial/*``, ``*`` fits all that is below; ``@name`` is an attribute, and of MJCF
 all names are.
 
-Sources: the schemas of MuJoCo 4.0.0 (mj_printSchema), of SDF 1.4 to 1.12 and URDF (urdf.xsd of
-urdfdom 4.0.1); sdformat's parser_urdf.cc for what a ``<gazebo>`` of a URDF holds, and the sources
-of the plugins: gz-sim 11, PX4-SITL_gazebo-classic, rotors_simulator and uuv_simulator.
+Sources: the schemas of MuJoCo 4.0.0 and 3.3.7 (mj_printSchema), of SDF 1.4 to 1.12 and URDF
+(urdf.xsd of urdfdom 4.0.1); sdformat's parser_urdf.cc for what a ``<gazebo>`` of a URDF holds, and
+the sources of the plugins: gz-sim 11, PX4-SITL_gazebo-classic, rotors_simulator and uuv_simulator.
 """
 
 from __future__ import annotations
@@ -125,6 +125,7 @@ used     frame: name childclass pos quat axisangle euler xyaxes zaxis
 used     replicate: count offset sep euler
 used     attach: body frame model prefix
 used     body: axisangle childclass euler fuse mocap name pos quat xyaxes zaxis inertial/*
+used     body: composite/*
 refused  body: gravcomp plugin/*
 without  body: simple sleep user camera/* light/*
 used     freejoint: align name
@@ -132,8 +133,9 @@ without  freejoint: group
 used     joint: axis class name pos ref type actuatorfrclimited actuatorfrcrange
 noted    joint: armature damping frictionloss limited range springdamper springref
 noted    joint: springyield stiffness
+used     joint: kind
 without  joint: actuatorgravcomp group margin solimpfriction solimplimit solreffriction solreflimit
-without  joint: user
+without  joint: solimpfix solreffix user
 used     geom: axisangle class density euler fitscale fromto group hfield mass mesh name pos quat
 used     geom: shellinertia size type xyaxes zaxis plugin/*
 noted    geom: fluidcoef fluidshape

@@ -106,13 +106,14 @@ class Rotor:
 
 @dataclass
 class Wheel:
-    """A reaction wheel: its axis in the body, its torque limit, N m, and its spin, kg m²."""
+    """A reaction wheel: its axis in the body, its torque limit, N m, spin, kg m², and lag, s."""
 
     name: str
     place: str
     axis: Array
     limit: float | None
     inertia: float
+    lag: float = 0.0
 
 
 @dataclass

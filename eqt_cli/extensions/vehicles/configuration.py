@@ -469,7 +469,26 @@ def rotor_drag(v: Vehicle, body: Body) -> Array | None:
 
 
 def _wheels(text: Text, wheels: list[Wheel]) -> None:
+    """Write the wheels, behind their lag.
+
+    Raises
+    ------
+    EqtError
+        If their lags differ.
+    """
+    first, *rest = wheels
+    if other := next((wheel for wheel in rest if wheel.lag != first.lag), None):
+        raise EqtError(
+            f"{other.place}: {other.name} has a lag of {other.lag:g} s, but {first.name} has one "
+            f"of {first.lag:g} s ({first.place}); eqt takes one lag of all wheels: give them the "
+            "same"
+        )
     text.add("actuators:")
+    if first.lag:
+        text.add(
+            f"  - {{ kind: lag, time_constant: {number(first.lag)} }}",
+            f"s, of all wheels, {first.place}; before their limit, in MuJoCo behind it",
+        )
     text.add("  - kind: wheels")
     text.add("    axes:")
     for wheel in wheels:

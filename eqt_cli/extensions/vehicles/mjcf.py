@@ -344,9 +344,8 @@ class _Mjcf:
         if model.jnt_actfrclimited[j]:
             most = float(min(-model.jnt_actfrcrange[j, 0], model.jnt_actfrcrange[j, 1]))
             limit = most if limit is None else min(limit, most)
-        v.wheels.append(Wheel(name, place, axis, limit, float(axis @ link.inertia @ axis)))
-        if lag := self._lag(k, name, place, v):
-            v.notes.append(f"{place}: the lag of {lag:g} s of {name} is left out")
+        lag, spin = self._lag(k, name, place, v), float(axis @ link.inertia @ axis)
+        v.wheels.append(Wheel(name, place, axis, limit, spin, lag))
         for word in ("armature", "damping"):
             values = getattr(model, f"actuator_{word}", np.zeros(model.nu))
             if values[k]:
