@@ -10,7 +10,7 @@ import pytest
 from small_experiment import mapping
 
 import eqt_cli
-from eqt_cli.extensions.diagram.picture import text_width
+from eqt_cli.extensions.diagram.picture import HEAD, text_width
 
 pytestmark = pytest.mark.needs("diagram")
 
@@ -118,8 +118,13 @@ class Picture:
 
 
 @cache
+def diagram(name):
+    return eqt_cli.diagram(LOOPS[name])
+
+
 def picture(name, narrow):
-    return Picture(eqt_cli.diagram(LOOPS[name]).svg(narrow=narrow))
+    """Drawn for each test, so that a fault in the drawing is told by the test that it breaks."""
+    return Picture(diagram(name).svg(narrow=narrow))
 
 
 @pytest.fixture(params=LOOPS)
@@ -171,3 +176,12 @@ def test_arrows_lead_from_edge_to_edge(drawn):
     for ends in drawn.arrows:
         for x, y in ends:
             assert any(area.has_on_its_edge(x, y) for area in areas), (x, y)
+
+
+def test_each_panel_has_the_name_of_its_stage(drawn):
+    names = {
+        said
+        for panel, said, area in drawn.words
+        if panel is not None and area.bottom < drawn.panels[panel].top + HEAD
+    }
+    assert {"reference", "law", "actuators", "plant", "sensors"} <= names

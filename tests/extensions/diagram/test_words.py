@@ -102,3 +102,20 @@ def test_a_file_has_the_ending_of_a_picture(tmp_path):
     assert page.count("<svg") == 2  # a narrow one for phones, too
     with pytest.raises(EqtError, match=r"\.svg or \.html"):
         loop.save(tmp_path / "loop.png")
+
+
+def test_a_sensor_of_a_part_of_the_pose_names_the_part():
+    sensors = {
+        "pose": [{"kind": "noise", "of": "rotation", "std": 0.01}],
+        "velocity": [{"kind": "noise", "std": 0.1}],
+    }
+    said = text(
+        group="SE3",
+        inertia=[1, 1, 1, 2, 2, 2],
+        reference={"kind": "constant"},
+        control={"period": 0.1},
+        sensors=sensors,
+    )
+    assert "─ sensors: pose: rotation ─" in said
+    assert "─ velocity ─" in said
+    assert "exact: pose (translation)" in said

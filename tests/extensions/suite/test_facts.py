@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.suite import actions, archive, figures, judging, verdicts
+from eqt_cli.extensions.suite import actions, archive, figures, judging, tables, verdicts
 from eqt_cli.extensions.suite.archive import Archive, JudgedLaw
 from eqt_cli.extensions.suite.entrants import shipped_laws
 from eqt_cli.extensions.suite.judging import Judged
@@ -171,3 +171,12 @@ def test_a_pack_of_one_run_is_read(tmp_path):
     archive.write(tmp_path / "a.zip", whole)
     again = archive.read(tmp_path / "a.zip").laws["gt"].tasks[ATTITUDE]
     assert again.errors.shape == (1, 1)
+
+
+def test_the_answer_says_on_which_tasks_a_law_is_better_or_that_there_is_none():
+    rows = verdicts.verdicts(archived(gt=1.0, good=0.5), {ATTITUDE: all_tasks()[ATTITUDE]})
+    assert tables.answer("good", rows, [], "GOOD")[0].startswith(
+        f"GOOD against GT: better on {ATTITUDE} ("
+    )
+    (none,) = tables.answer("other", rows, [], "OTHER")
+    assert "judged on no task" in none

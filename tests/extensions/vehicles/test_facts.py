@@ -140,3 +140,25 @@ def test_the_lag_of_a_wheel_is_a_note(imported, without_process):
     text, config = imported(wheel, "sat.xml")
     assert config["actuators"][0]["limit"] == pytest.approx(0.01)
     assert "the lag of 0.25 s of" in joined(text)
+
+
+def test_a_part_of_an_mjcf_names_no_file_elsewhere_either(tmp_path, without_process):
+    pytest.importorskip("mujoco", reason="needs the extra mujoco")
+    folder = tmp_path / "robots" / "cross"
+    folder.mkdir(parents=True)
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    (folder / "part.xml").write_text(
+        '<mujocoinclude>\n<include file="../../secret.xml"/></mujocoinclude>'
+    )
+    (folder / "cross.xml").write_text('<mujoco><include file="part.xml"/></mujoco>')
+    said = error_of(configuration_of, folder / "cross.xml", bandwidth=BANDWIDTH)
+    assert "part.xml:2" in said and "outside of the folder" in said
+
+
+def test_a_plugin_on_the_joint_of_a_link_that_is_left_out_is_left_out(imported):
+    motor = """<gazebo><plugin filename="gz-sim-multicopter-motor-model-system" name="Motor">
+      <jointName>p0</jointName></plugin></gazebo></robot>"""
+    still = URDF.replace("<properties", "<left_out").replace("</robot>", motor)
+    text = joined(imported(still, "m.urdf", without=("prop0_link",), kind="satellite")[0])
+    assert "link prop0_link is left out, as --without asks" in text
+    assert "plugin Motor is left out with" in text
