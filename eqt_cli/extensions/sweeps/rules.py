@@ -41,7 +41,7 @@ Place = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Formula:
-    """A number that follows from others.
+    """A number that follows from others, or a formula in t with such numbers.
 
     Attributes
     ----------
@@ -53,16 +53,19 @@ class Formula:
         The formula without its unit.
     unit
         The unit behind it; empty without one.
+    moves
+        Whether t in it is the time.
     """
 
     text: str
     place: Place
     expression: Expression
     unit: str = ""
+    moves: bool = False
 
     @classmethod
-    def read(cls, text: Any, place: Place, names: Sequence[str]) -> Formula:
-        """Parse a number, or a formula in known names and in keys of the configuration.
+    def read(cls, text: Any, place: Place, names: Sequence[str], in_time: bool = False) -> Formula:
+        """Parse a number, or a formula in known names, in keys of the configuration and in t.
 
         Raises
         ------
@@ -72,6 +75,8 @@ class Formula:
         if isinstance(text, bool) or not isinstance(text, int | float | str):
             raise InputError(f"expected a number or a formula such as '2*w**2', got {shown(text)}")
         text, unit = str(text), ""
+        in_time = in_time and "t" not in names
+        names = [*names, "t"] if in_time else names
         try:
             expression = formula(text, _names_in(text, names))
         except InputError:
@@ -79,16 +84,23 @@ class Formula:
             split = ((text[:k], text[k + 1 :]) for k in spaces if units.size_of(text[k + 1 :]))
             number, unit = units.split(text) or next(split, (text, ""))
             expression = formula(number, _names_in(number, names))
-        return cls(text, place, expression, unit)
+        return cls(text, place, expression, unit, in_time and "t" in expression.variables)
 
     def value(self, values: Mapping[str, float]) -> float | int | str:
         """Return the value for its names, with its unit; a whole number as such.
+
+        A formula in t is returned with the numbers in place of all other names.
 
         Raises
         ------
         InputError
             If it is not finite.
         """
+        if self.moves:
+            longest = sorted(map(re.escape, values), key=len, reverse=True) or ["(?!)"]
+            name = rf"(?<![\w.])(?:{'|'.join(longest)})(?!\w)"
+            text = re.sub(name, lambda m: f"({values[m[0]]!r})", self.expression.text)
+            return f"{text} {self.unit}" if self.unit else text
         number = float(self.expression.evaluate(values))
         if not math.isfinite(number):
             raise InputError(f"'{shortened(self.text)}' is {number:g} {_at(values)}")
@@ -237,7 +249,7 @@ class Rules:
             does = "is set" if other in self.formulas else "is swept"
             raise InputError(f"{other} {does} already; remove one of them")
         names = [*filter(str.isidentifier, swept), *filter(str.isidentifier, self.formulas)]
-        read = _read(text, place, names)
+        read = _read(text, place, names, in_time=_is_key(key))
         for one in _flat(read):
             for name in one.expression.variables:
                 if same := next((name for other in (key, *later) if overlap(other, name)), None):
@@ -320,7 +332,7 @@ class Rules:
     ) -> dict[str, float]:
         return {
             name: _number(self._written(name, settings), name, text)
-            for name in sorted(expression.variables)
+            for name in sorted(expression.variables - ({"t"} - settings.keys()))
         }
 
     def _written(self, name: str, settings: Mapping[str, Any]) -> Any:
@@ -340,10 +352,10 @@ def _entries(entries: Mapping[Place, Mapping[str, Any]]) -> Iterator[tuple[str, 
             yield kind, (*place, kind), section
 
 
-def _read(text: Any, place: Place, names: Sequence[str]) -> Any:
+def _read(text: Any, place: Place, names: Sequence[str], in_time: bool = False) -> Any:
     if isinstance(text, list) and text:
-        return [_read(entry, (*place, index), names) for index, entry in enumerate(text)]
-    return Formula.read(text, place, names)
+        return [_read(entry, (*place, index), names, in_time) for index, entry in enumerate(text)]
+    return Formula.read(text, place, names, in_time)
 
 
 def _flat(read: Any) -> Iterator[Formula]:

@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
 from faults_harness import contents
@@ -61,6 +62,23 @@ def test_units_and_lists_follow(tmp_path):
     control = study.experiment(1).config.control
     assert (control.period, control.delay) == (pytest.approx(0.01), 2)
     assert study.experiment(0).resolved["inertia"] == [1, 1, 2]
+
+
+def test_formulas_in_time_keep_t_and_take_the_other_numbers(tmp_path):
+    """The reference of each point is that of its name, of the time and of a key."""
+    factors = "[{axis: [1, 0, 0], by: t}, {axis: [0, 0, 1], by: '0'}]"
+    follows = "{set: {'reference.factors[0].by': 'A*sin(2*t) - A/2 + inertia[0]*t*A*1e-2'}}"
+    study = study_with(
+        tmp_path,
+        "{grid: {A: [0.5, -1.5]}}",
+        follows,
+        reference=f"{{kind: path, factors: {factors}}}",
+    )
+    for point, A in enumerate((0.5, -1.5)):
+        shown = study.experiment(point).reference_over_horizon()
+        t = shown.times
+        angle = A * np.sin(2 * t) - A / 2 + 2 * t * A * 1e-2  # the inertia's first number is 2
+        assert np.abs(shown.pose[:, 2, 1] - np.sin(angle)).max() < 1e-14
 
 
 def test_a_grid_of_the_command_line_has_names_too(tmp_path):
