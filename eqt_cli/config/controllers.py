@@ -29,7 +29,7 @@ from eqt_cli.numbers.leaves import with_fields
 
 TAKEN_BY = {
     "rates": "{kind: rate_loop, bandwidth: 40}",
-    "dipole": "{kind: magnetorquers, …}",
+    "dipole": "{kind: magnetorquers, takes: dipole, …}",
     THRUSTS: "{kind: thrusters, …}",
 }
 """The actuators of commands other than a torque."""

@@ -12,7 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import EqtWarning, InputError, InputProblem, KeyPath, Problems, parse_key
+from eqt_cli.base.errors import (
+    EqtWarning,
+    InputError,
+    InputProblem,
+    KeyPath,
+    Problems,
+    dotted,
+    parse_key,
+)
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
@@ -39,6 +47,9 @@ FORCE_SAMPLES = 4_001
 
 FORCE_JUMP = 0.2
 """Share of its range by which a force that changes between two of these times jumps."""
+
+IN_THE_LOOP = ("control", "actuators", "sensors")
+"""Sections whose times are milliseconds to seconds."""
 
 NO_ROTATION = "leaves nothing of a measured rotation"
 IMPLAUSIBLE: dict[str, tuple[float, str, str, str, tuple[str, ...]]] = {
@@ -84,8 +95,9 @@ def _noted(experiment: Experiment, shown: Horizon | None, runs: bool) -> list[In
     # Each function takes the experiment and its reference, and yields places and texts.
     for more in functions_for(purposes.remarks_on_an_experiment):
         placed += more(experiment, shown)
-    # A constant of another unit explains what is said of the whole actuator.
-    explained = {key[:-1] for key, _ in placed if key[-1] in ("thrust_constant", "density")}
+    # A number of another unit explains what is said of the whole actuator.
+    steps = {"thrust_constant": 1, "density": 1, "at": 3}
+    explained = {key[: -steps[key[-1]]] for key, _ in placed if key[-1] in steps}
     shortened = ((key, text) for key, text in placed if key not in explained)
     return [experiment.document.problem(key, text) for key, text in shortened]
 
@@ -457,9 +469,8 @@ def unstable_or_slow(tried: _Tried) -> list[str]:
 def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     horizon = experiment.config.time.duration
     check = "check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
-    period = value_at(experiment.document.data, ("control", "period"))
-    if isinstance(period, int | float) and period >= 1.0:
-        check = f"control.period is {period:g} s: if milliseconds were meant, write '{period:g} ms'"
+    for key, value in _bare_seconds(experiment.document.data):
+        check = f"{key} is {value:g} s: if milliseconds were meant, write '{value:g} ms'"
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
             linear = linearised(loop, *along)
@@ -522,6 +533,16 @@ def part(engine: Engine, loop: ClosedLoop, along: Along, rate: float, horizon: f
         first, second = loop.tracking(t, now).V
         apart.append(float(np.linalg.norm(second - first)))
     return bool((apart[1:] > np.exp(rate * times[1:] / 2) * apart[0]).any())
+
+
+def _bare_seconds(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, float]]:
+    """Yield periods and time constants of the loop of 1 s or more that are written without unit."""
+    entries = enumerate(data) if isinstance(data, list) else data.items()
+    for step, value in entries if path else [(key, data.get(key)) for key in IN_THE_LOOP]:
+        if step in ("period", "time_constant") and isinstance(value, int | float) and value >= 1:
+            yield dotted((*path, step)), value
+        if isinstance(value, dict | list):
+            yield from _bare_seconds(value, (*path, step))
 
 
 def _least_growth(linear: Linearised) -> float:

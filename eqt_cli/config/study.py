@@ -13,7 +13,15 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.base.code_files import united
-from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems, parse_key
+from eqt_cli.base.errors import (
+    ConfigError,
+    EqtError,
+    InputError,
+    InputProblem,
+    Problems,
+    parse_key,
+    suggestion,
+)
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.reporting import reporter, step
@@ -545,7 +553,8 @@ def require_sweepable(key: str) -> None:
     if name not in Config.model_fields:
         fields = [field for field in Config.model_fields if not not_swept(field)]
         unread = ", and no formula of `set` reads it" if key.isidentifier() else ""
-        raise InputError(f"unknown key '{key}'{unread}; keys are in: {', '.join(fields)}")
+        where = suggestion(name, fields) or f"; keys are in: {', '.join(fields)}"
+        raise InputError(f"unknown key '{key}'{unread}{where}")
 
 
 def _check_points(checked: Study, points: Sequence[int]) -> None:

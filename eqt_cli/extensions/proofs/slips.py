@@ -135,7 +135,8 @@ def _of_another_unit(experiment: Experiment) -> Placed:
     for member in members_of(experiment):
         key: KeyPath = (ACTUATORS, member.index)
         written: Any = (written_parts or ())[member.index]
-        if member.part.name == "wheels":
+        yield from (far := [*_of_levers(key, written, experiment)])
+        if far or member.part.name == "wheels":  # a place explains what else is too large
             continue
         low, high = member.limits(failed=False)
         pushes = np.asarray(member.part.matrix) * np.maximum(np.abs(low), np.abs(high))
@@ -166,8 +167,32 @@ def _of_another_unit(experiment: Experiment) -> Placed:
             yield (
                 (*key, "thrusters"),
                 "`turns: 1` is a torque of 1 N m for each N of thrust, where propellers have some "
-                "0.02 m; give the moment_constant, of which 1 and −1 are the signs, or the ratio",
+                "0.02 m; write the ratio, `turns: 0.02` or −0.02, or thrust_constant and "
+                "moment_constant, of which 1 and −1 are the signs",
             )
+
+
+def _of_levers(key: KeyPath, written: Any, experiment: Experiment) -> Placed:
+    """Yield thrusters that are too far from the origin for a body of this inertia.
+
+    No mass of a body lies within √(J/m) only, and thrusters of vehicles are at 1 to 3 times of it.
+    """
+    J, G = np.diagonal(experiment.loop.inertia.at(0.0).matrix), experiment.group
+    turns = [part.axes for part in G.parts if part.turns]
+    moves = [part.axes for part in G.parts if not part.turns]
+    if len(turns) != 1 or len(moves) != 1:
+        return
+    radius = float(np.sqrt(np.max(J[..., turns[0]]) / np.max(J[..., moves[0]])))
+    for k, thruster in enumerate(getattr(written, "thrusters", None) or ()):
+        place = np.array(list(map(highest, thruster.at or ())), dtype=float)
+        if len(place) and norm(place) > UNLIKE_BODIES * radius:
+            most = f"{np.abs(place).max():g}"
+            yield (
+                (*key, "thrusters", k, "at"),
+                f"is {norm(place):.4g} m from the origin, where the body has a radius of gyration "
+                f"of {radius:.2g} m; if millimetres were meant, write '{most} mm'",
+            )
+            return  # others are told when this one is mended
 
 
 def _of_moments(key: KeyPath, written: Any, part: Any, G: Any) -> Placed:

@@ -393,15 +393,17 @@ def ends(law: LawSearch) -> Iterator[tuple[str, Experiment]]:
 
 def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
     """Build a law, without the others, at both ends of all ranges; note the problems there."""
-    for share in (0.0, 1.0):
+    ends: dict[tuple[str, str], tuple[list[str], tuple[Any, ...]]] = {}
+    for share, end in ((0.0, "lower"), (1.0, "upper")):
         try:
             build(law.at(law.values([share] * len(law.axes))))
         except ConfigError as error:
             for problem in error.problems:
-                end = "upper" if share else "lower"
-                at = f"at the {end} ends, controller '{law.label}' alone"
-                path = law.as_written(problem.path)
-                problems.add(f"{where}{at}: {path}: {problem.message}", *problem.remedies)
+                said = law.as_written(problem.path), problem.message
+                ends.setdefault(said, ([], problem.remedies))[0].append(end)
+    for (path, message), (at, remedies) in ends.items():
+        which = f"at the {' and '.join(at)} ends, controller '{law.label}' alone"
+        problems.add(f"{where}{which}: {path}: {message}", *remedies)
 
 
 # The folder of a search ---------------------------------------------------------------------------

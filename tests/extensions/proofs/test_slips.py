@@ -61,6 +61,11 @@ def told(config: dict[str, Any]) -> list[str]:
         (changed(QUAD, high=HIGH * 1e5), "actuators[0].high", "accelerate"),
         (changed(QUAD, thrusters=quad_by(1.0)), "actuators[0].thrusters", "moment_constant"),
         (OF_ANOTHER_UNIT, "actuators[0].thrust_constant", "accelerate"),
+        (
+            changed(QUAD, thrusters=[{**PLACES[0], "at": [200.0, 200.0, 0.0]}, *PLACES[1:]]),
+            "actuators[0].thrusters[0].at",
+            "write '200 mm'",
+        ),
         (changed(CUBE, momentum=50.0), "actuators[0].momentum", "'50 mN m s'"),
         (changed(CUBE, limit=20.0), "actuators[0].limit", "'20 mN m'"),
         (

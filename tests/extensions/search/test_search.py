@@ -126,7 +126,7 @@ def test_what_is_wrong_is_said_at_its_place(small, changed, message):
     ("key", "wrong"),
     [
         ("controllers[2].slope", "expected a number greater than 0, got -1.0"),
-        ("controllers[1].gains.kp", "must be positive, else small errors"),
+        ("controllers[1].gains.kp", "must be positive, got -1, else small errors"),
     ],
 )
 def test_a_key_is_named_as_it_is_written(small, key, wrong):
