@@ -384,5 +384,5 @@ def test_what_is_no_pointing_is_refused(tmp_path, changes, said):
 
 def test_weights_of_rank_one_stay_refused_elsewhere(tmp_path):
     changes = {"task": None, "reference": "{kind: constant}", "gains": "{kp: [0, 0, 1], kd: 1}"}
-    with pytest.raises(EqtError, match="must be positive, got .* else small errors"):
+    with pytest.raises(EqtError, match=r"must be positive, got .* else small errors"):
         experiment(tmp_path, **changes)
