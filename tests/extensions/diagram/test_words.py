@@ -1,6 +1,5 @@
 """What the boxes of a diagram say of a configuration, and what stands on its arrows."""
 
-import inspect
 import re
 
 import pytest
@@ -8,6 +7,7 @@ from small_experiment import mapping
 
 import eqt_cli
 from eqt_cli.extend import EqtError
+from eqt_cli.extensions.diagram import api
 
 pytestmark = pytest.mark.needs("diagram")
 
@@ -81,8 +81,17 @@ def test_a_sampled_loop_says_its_periods_delays_and_losses():
     assert "exact: pose" in said
 
 
-def test_a_plugin_in_a_result_is_executed_on_request_alone():
-    assert inspect.signature(eqt_cli.diagram).parameters["trust_plugins"].default is False
+def test_a_plugin_in_a_result_is_executed_on_request_alone(monkeypatch):
+    trusted, read = [], api.document_from
+
+    def document_from(config, settings, *, trust_plugins):
+        trusted.append(trust_plugins)
+        return read(config, settings, trust_plugins=trust_plugins)
+
+    monkeypatch.setattr(api, "document_from", document_from)
+    eqt_cli.diagram(mapping())
+    eqt_cli.diagram(mapping(), trust_plugins=True)
+    assert trusted == [False, True]
 
 
 def test_the_swept_keys_stand_below_the_first_point_but_not_below_another():
@@ -119,3 +128,15 @@ def test_a_sensor_of_a_part_of_the_pose_names_the_part():
     assert "─ sensors: pose: rotation ─" in said
     assert "─ velocity ─" in said
     assert "exact: pose (translation)" in said
+
+
+def test_a_law_with_gains_of_its_own_has_them_behind_its_name():
+    said = text(controllers=["gt", {"kind": "eqt", "gains": {"kp": 2.0}}])
+    assert "▸ GT: kp 1 N m" in said
+    assert "▸ EqT: kp 2 N m" in said
+    assert said.count("kd 0.5 N m s") == 1
+
+
+def test_a_number_of_the_reference_keeps_the_unit_in_which_it_is_written():
+    slew = {"kind": "slew", "to": {"rotvec": [0, 0.5, 0]}, "duration": "0.01 min"}
+    assert "duration 0.01 min" in text(reference=slew)

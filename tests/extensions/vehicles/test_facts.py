@@ -129,7 +129,7 @@ def test_what_stands_in_a_group_of_its_own_is_refused_noted_or_left_alone(import
     assert imported(seen)[0] == imported(QUAD)[0]
 
 
-def test_the_lag_of_a_wheel_is_a_note(imported, without_process):
+def test_the_lag_of_wheels_stands_before_them(imported, without_process):
     pytest.importorskip("mujoco", reason="needs the extra mujoco")
     wheel = """<mujoco model="sat"><option gravity="0 0 0"/>
 <worldbody><body name="bus"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="3"/>
@@ -137,9 +137,9 @@ def test_the_lag_of_a_wheel_is_a_note(imported, without_process):
 <geom type="cylinder" size="0.03 0.01" mass="0.2"/></body></body></worldbody>
 <actuator><general joint="spin" dyntype="filter" dynprm="0.25" gainprm="1"
  ctrllimited="true" ctrlrange="-0.01 0.01"/></actuator></mujoco>"""
-    text, config = imported(wheel, "sat.xml")
-    assert config["actuators"][0]["limit"] == pytest.approx(0.01)
-    assert "the lag of 0.25 s of" in joined(text)
+    lag, wheels = imported(wheel, "sat.xml")[1]["actuators"]
+    assert (lag["kind"], lag["time_constant"]) == ("lag", 0.25)
+    assert wheels["limit"] == pytest.approx(0.01)
 
 
 def test_a_part_of_an_mjcf_names_no_file_elsewhere_either(tmp_path, without_process):
