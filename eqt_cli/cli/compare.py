@@ -179,7 +179,7 @@ def compare(
             units=unit or (),
         )
         tell = function_for(purposes.findings_on_a_recording)
-        shown = _Findings(*tell(explained, measured, write, table is TableName.ALL))
+        shown = _Shown(*tell(explained, measured, write, table is TableName.ALL))
     else:
         options.require_measured(mapping, log_format, run)
         if pooled:
@@ -211,7 +211,7 @@ def _pooled(
     negligible: float,
     *,
     alone: bool,
-) -> _Findings:
+) -> _Shown:
     from eqt_cli.api.loading import open_at
 
     if not alone:
@@ -221,13 +221,11 @@ def _pooled(
         )
     with open_at(path) as result:
         of = chosen["metrics"], chosen["controllers"]
-        return _Findings(
-            *function_for(purposes.compare_pooled)(result, how, write, *of, negligible)
-        )
+        return _Shown(*function_for(purposes.compare_pooled)(result, how, write, *of, negligible))
 
 
-class _Findings(NamedTuple):
-    """Findings to print: a document for programs, rows, tables, and what comes before them.
+class _Shown(NamedTuple):
+    """What is printed: a document for programs, rows, tables, and what comes before them.
 
     Of a gate, its lines and whether it passes.
     """
@@ -242,7 +240,7 @@ class _Findings(NamedTuple):
 
 
 def _print(
-    shown: _Findings,
+    shown: _Shown,
     result: Path,
     format: TableFormat,
     json: bool,
@@ -299,7 +297,7 @@ def _of_whole(
     write: Plain,
     how: Resampling,
     share: float,
-) -> _Findings | None:
+) -> _Shown | None:
     """Return the findings on a sweep, or those of an extension; None for other results.
 
     Extensions have functions for the purpose ``answer of compare``. Each takes an open result, a
@@ -316,7 +314,7 @@ def _of_whole(
         if not narrowed and table in (None, TableName.FRONTS):
             for answers in functions_for(purposes.answer_of_compare, result.path.parent):
                 if answer := answers(result, how, write, *of):
-                    return _Findings(*answer)
+                    return _Shown(*answer)
         if not result.is_sweep:
             return None
         from eqt_cli.analysis.maps import map_records, map_tables
@@ -343,7 +341,7 @@ def _of_whole(
         # Notes stand once, at the end.
         shown = [replace(map_table, notes=[]) for map_table in shown]
         shown[-1:] = [replace(map_table, notes=list(notes)) for map_table in shown[-1:]]
-        return _Findings({"points": records}, records, shown)
+        return _Shown({"points": records}, records, shown)
 
 
 def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
@@ -370,7 +368,7 @@ class _Look(NamedTuple):
     json: bool
 
 
-def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gate) -> _Findings:
+def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gate) -> _Shown:
     from eqt_cli import api
 
     if look.table in _NEEDS:
@@ -378,7 +376,7 @@ def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gat
     comparison = api.compare(path, **chosen)
     look = look._replace(against=_labels(comparison, look.against))
     if look.json:
-        shown = _Findings(_document(comparison, look.against))
+        shown = _Shown(_document(comparison, look.against))
     elif look.format is TableFormat.TEXT and look.table is None:
         shown = _answer(comparison, look.against, bool(chosen["metrics"] or chosen["windows"]))
     else:
@@ -393,7 +391,7 @@ def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gat
     return shown._replace(document=document, passes=passes, gate=[*lines, ""])
 
 
-def _answer(comparison: Comparison, against: Sequence[str], chosen: bool) -> _Findings:
+def _answer(comparison: Comparison, against: Sequence[str], chosen: bool) -> _Shown:
     """Return the answer against the first law; of chosen metrics and windows also the means."""
     from eqt_cli.analysis import comparison_tables
     from eqt_cli.results.quantity import Plain
@@ -413,10 +411,10 @@ def _answer(comparison: Comparison, against: Sequence[str], chosen: bool) -> _Fi
     room = output.room_of_tables() or output.PIPED
     premises = comparison_tables.premises(comparison)
     folded = [output.folded(line, room, "    ") for line in premises]
-    return _Findings(tables=shown, remarks=remarks, premises=folded)
+    return _Shown(tables=shown, remarks=remarks, premises=folded)
 
 
-def _tables(comparison: Comparison, look: _Look) -> _Findings:
+def _tables(comparison: Comparison, look: _Look) -> _Shown:
     """Return one table, or all; as CSV the rows of one, by default of the pairs."""
     from eqt_cli.analysis.comparison_tables import records, text_tables
 
@@ -424,7 +422,7 @@ def _tables(comparison: Comparison, look: _Look) -> _Findings:
     if look.format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         rows = records(comparison, *look.against)[name or TableName.PAIRS]
-        return _Findings(records=rows, remarks=[more] if look.table is None else [])
+        return _Shown(records=rows, remarks=[more] if look.table is None else [])
     as_rows, remarks = look.laws_as_rows, _missing(comparison)
     if look.format is TableFormat.LATEX and look.table is None:
         name = TableName.CONTROLLERS
@@ -435,7 +433,7 @@ def _tables(comparison: Comparison, look: _Look) -> _Findings:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these laws"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
-    return _Findings(tables=shown, remarks=remarks)
+    return _Shown(tables=shown, remarks=remarks)
 
 
 def _missing(comparison: Comparison) -> list[str]:

@@ -88,7 +88,7 @@ class BadRuns:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Cause:
     """How a number differs between bad runs and the others.
 
     Attributes
@@ -195,7 +195,7 @@ def bad_runs(result: Result, controller: int) -> BadRuns:
     return BadRuns(controller, bad, decided & ~bad, words)
 
 
-def findings(candidates: Sequence[Candidate], laws: Sequence[BadRuns]) -> list[list[Finding]]:
+def causes(candidates: Sequence[Candidate], laws: Sequence[BadRuns]) -> list[list[Cause]]:
     """Compare bad runs of each law with the others in each number, the most telling first.
 
     Each number is tested twice, by its value and by its distance from the median, with the
@@ -224,7 +224,7 @@ def findings(candidates: Sequence[Candidate], laws: Sequence[BadRuns]) -> list[l
 
 def _finding(
     candidate: Candidate, law: BadRuns, of_ends: int, p_value: float, share: float
-) -> Finding:
+) -> Cause:
     values = candidate.ends if of_ends else candidate.values
     sign = 1.0 if share >= 0.5 else -1.0
     if of_ends:
@@ -237,7 +237,7 @@ def _finding(
         (int((side & law.bad).sum()), int((side & (law.bad | law.others)).sum()))
         for side in (beyond, ~beyond)
     ]
-    return Finding(candidate, way, p_value, max(share, 1 - share), float(cut), *sides)
+    return Cause(candidate, way, p_value, max(share, 1 - share), float(cut), *sides)
 
 
 def _cut(bad: Array, others: Array) -> float:
@@ -248,9 +248,7 @@ def _cut(bad: Array, others: Array) -> float:
     return float(cuts[np.argmax(behind - ahead)])
 
 
-def of_result(
-    result: Result, names: Sequence[str], who: str
-) -> list[tuple[BadRuns, list[Finding]]]:
+def of_result(result: Result, names: Sequence[str], who: str) -> list[tuple[BadRuns, list[Cause]]]:
     """Return the bad runs of each law, and what tells them from the others.
 
     Parameters
@@ -273,4 +271,4 @@ def of_result(
             "0.2]}}"
         )
     laws = [bad_runs(result, controller) for controller in chosen]
-    return list(zip(laws, findings(candidates, laws), strict=True))
+    return list(zip(laws, causes(candidates, laws), strict=True))

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Finding, of_result
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Cause, of_result
 from eqt_cli.extensions.failures.views import answer
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import free_text, in_words
@@ -30,10 +30,10 @@ class ShownFailures(ShownControllers):
     Attributes
     ----------
     answers
-        Bad runs and findings of each law, in the order of `ensembles`.
+        Bad runs and causes of each law, in the order of `ensembles`.
     """
 
-    answers: list[tuple[BadRuns, list[Finding]]]
+    answers: list[tuple[BadRuns, list[Cause]]]
 
     def notes(self) -> list[str]:
         """Return what tells the bad runs from the others, of each law where something does."""
@@ -90,7 +90,7 @@ class Failures(Figure[ShownFailures]):
         shown: ShownFailures,
         ensemble: Ensemble,
         law: BadRuns,
-        rows: Sequence[Finding],
+        rows: Sequence[Cause],
         characters: int,
     ) -> None:
         """Draw the runs of a law."""

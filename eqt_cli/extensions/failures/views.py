@@ -12,8 +12,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, listed, significant
 from eqt_cli.cli import output
-from eqt_cli.extensions.failures import causes as finding
-from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Finding
+from eqt_cli.extensions.failures import causes
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, Cause
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first, unit_in_words
 
@@ -37,7 +37,7 @@ def show_run(result: Result, run: int, names: Sequence[str], *, json: bool) -> N
     if not 0 <= run < result.runs:
         raise EqtError(f"{result.path}: has no run {run}; choose one of 0 to {result.runs - 1}")
     laws = [result.position_of(name) for name in names] or range(len(result.labels))
-    candidates = finding.known_before(result)
+    candidates = causes.known_before(result)
     numbers = [name for name in compared_first(result) if name in result.metrics]
     ends = {k: _ending(result, k, run) for k in laws}
     document = {
@@ -107,9 +107,9 @@ def show_failures(result: Result, names: Sequence[str], *, json: bool) -> None:
     Raises
     ------
     EqtError
-        As `finding.of_result`.
+        As `causes.of_result`.
     """
-    answers = finding.of_result(result, names, "--failures")
+    answers = causes.of_result(result, names, "--failures")
     document = [
         {
             "controller": result.labels[law.controller],
@@ -125,7 +125,7 @@ def show_failures(result: Result, names: Sequence[str], *, json: bool) -> None:
     output.print_findings(document, *lines, "", output.laid_out(_table(result, answers)), json=json)
 
 
-def answer(result: Result, law: BadRuns, rows: Sequence[Finding]) -> str:
+def answer(result: Result, law: BadRuns, rows: Sequence[Cause]) -> str:
     """Return where a law fails, in a sentence or two."""
     bad, others = law.counts
     title = result.titles[law.controller]
@@ -145,7 +145,7 @@ def answer(result: Result, law: BadRuns, rows: Sequence[Finding]) -> str:
     return f"{runs}, mostly where {where(first)}{also}"
 
 
-def where(row: Finding) -> str:
+def where(row: Cause) -> str:
     """Say where a number parts bad runs from others, with their counts on both sides."""
     low, cut = (
         row.way in ("low", "in the middle"),
@@ -161,7 +161,7 @@ def where(row: Finding) -> str:
     )
 
 
-def _table(result: Result, answers: Sequence[tuple[BadRuns, Sequence[Finding]]]) -> TextTable:
+def _table(result: Result, answers: Sequence[tuple[BadRuns, Sequence[Cause]]]) -> TextTable:
     blocks = []
     for law, rows in answers:
         few = [row for k, row in enumerate(rows) if k < MOST_ROWS or row.telling]
@@ -171,13 +171,13 @@ def _table(result: Result, answers: Sequence[tuple[BadRuns, Sequence[Finding]]])
     notes = [
         "bad runs, others: median [10 %, 90 %]",
         "pairs: in so many pairs of a bad and another run, the bad one lies more so",
-        f"p: of the rank test, after Holm over {tests} tests; up to {finding.LEVEL:g}, it differs",
+        f"p: of the rank test, after Holm over {tests} tests; up to {causes.LEVEL:g}, it differs",
     ]
     header = ["number", "unit", "bad runs", "others", "bad runs lie", "pairs", "p"]
     return TextTable("failures", "", header, blocks, notes, ("unit", "pairs"))
 
 
-def _cells(law: BadRuns, row: Finding) -> Iterator[str]:
+def _cells(law: BadRuns, row: Cause) -> Iterator[str]:
     yield from (row.candidate.name, _unit(row.candidate.unit))
     yield from (_spread(row.candidate.values[runs]) for runs in (law.bad, law.others))
     yield from (row.way, f"{100 * row.share:.0f} %", f"{row.p_value:.2g}")
@@ -188,7 +188,7 @@ def _spread(values: Array) -> str:
     return f"{middle:.3g} [{low:.3g}, {high:.3g}]"
 
 
-def _record(row: Finding) -> dict[str, Any]:
+def _record(row: Cause) -> dict[str, Any]:
     (bad, runs), (rest, of) = row.beyond, row.within
     return {
         "name": row.candidate.name,

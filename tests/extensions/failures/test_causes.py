@@ -7,7 +7,7 @@ import pytest
 from small_experiment import configuration
 
 from eqt_cli import api
-from eqt_cli.extensions.failures.causes import BadRuns, Candidate, findings
+from eqt_cli.extensions.failures.causes import BadRuns, Candidate, causes
 from eqt_cli.results.result import open_result
 
 RUNS = 200
@@ -36,7 +36,7 @@ def test_a_planted_number_is_found_with_its_side(way, bad):
     known = numbers(np.random.default_rng(5))
     known[3] = Candidate("planted", "N m", known[3].values)
     wrong = bad(known[3].values)
-    first, *others = findings(known, of_bad(wrong))[0]
+    first, *others = causes(known, of_bad(wrong))[0]
     assert (first.candidate.name, first.way, first.telling) == ("planted", way, True)
     if way in ("high", "low"):
         assert first.share == 1.0
@@ -55,7 +55,7 @@ def test_false_findings_are_rare():
     for _ in range(100):
         bad = np.zeros(RUNS, dtype=bool)
         bad[random.choice(RUNS, 20, replace=False)] = True
-        false += findings(numbers(random), of_bad(bad))[0][0].telling
+        false += causes(numbers(random), of_bad(bad))[0][0].telling
     assert false <= 10
 
 
