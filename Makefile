@@ -91,7 +91,7 @@ fuzz: $(VENV)/.stamp-test ## try 10,000 mutated configurations and 5,000 results
 oracles: $(VENV)/.stamp-test ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-oracles.txt,install --group oracles)
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-basilisk.txt,install --no-deps --group basilisk)
-	$(BIN)/python -m pytest tests/components/test_oracles.py tests/components/test_rotors.py tests/components/test_basilisk.py \
+	$(BIN)/python -m pytest tests/components/test_oracles.py tests/extensions/thrusters/test_rotors.py tests/components/test_basilisk.py \
 		tests/extensions/designed_laws/test_lqr.py tests/extensions/vehicles/test_mjcf_motion.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'

@@ -138,7 +138,6 @@ from eqt_cli.components.sensors import DynamicSensor as DynamicSensor
 from eqt_cli.components.sensors import Noise as Noise
 from eqt_cli.components.sensors import Sensor as Sensor
 from eqt_cli.components.sensors import SensorLag as SensorLag
-from eqt_cli.components.thrusters import Thrusters as Thrusters
 from eqt_cli.components.vehicle_parts import Matrix as Matrix
 from eqt_cli.components.vehicle_parts import Number as Number
 from eqt_cli.components.vehicle_parts import Numbers as Numbers
@@ -175,6 +174,7 @@ from eqt_cli.extensions.logs.extend import *
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.search.extend import *
 from eqt_cli.extensions.spacecraft.extend import *
+from eqt_cli.extensions.thrusters.extend import *
 from eqt_cli.extensions.underactuated.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm

@@ -102,6 +102,10 @@ NEEDED = {
     "designed_laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
     "spacecraft": {"cubesat", "cubesat_orbit", "cubesat_sun"},
+    "thrusters": {
+        *"crazyflie planar_vtol quadrotor_gnss quadrotor_recovery quadrotor_speeds".split(),
+        *"se3_bluerov2_navigation se3_bluerov2_thrusters".split(),
+    },
     "underactuated": {
         *"crazyflie planar_vtol quadrotor_gnss quadrotor_lee quadrotor_lee_upside_down".split(),
         *"quadrotor_recovery quadrotor_speeds".split(),

@@ -311,12 +311,7 @@ class VariesInTime(Protocol):
         """Note what it cannot do until `end`, s."""
 
 
-actuators = Registry(
-    "actuator",
-    "actuators",
-    Actuator,
-    tuple(f"components.{name}" for name in "actuators thrusters propellers".split()),
-)
+actuators = Registry("actuator", "actuators", Actuator, ("components.actuators",))
 
 
 @dataclass(frozen=True)

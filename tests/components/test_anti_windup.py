@@ -193,7 +193,7 @@ def climbed(kind):
     )
 
 
-@pytest.mark.needs("underactuated")
+@pytest.mark.needs("underactuated", "thrusters")
 @pytest.mark.parametrize("engine", ["solve_ivp", native])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_climb_is_that_of_a_plain_program(solved, kind, engine):
@@ -204,7 +204,7 @@ def test_a_climb_is_that_of_a_plain_program(solved, kind, engine):
     np.testing.assert_allclose(s.memory["integral"][0, :, 2], expected[:, 2], rtol=0, atol=1e-9)
 
 
-@pytest.mark.needs("underactuated")
+@pytest.mark.needs("underactuated", "thrusters")
 @pytest.mark.parametrize("kind", ["clamp", "back"])
 def test_both_integrals_of_a_cascade_are_told_of_limits_at_an_instant(experiment_of, kind):
     """By thrusts of the pseudo-inverse that are cut off, at states with and without limits."""
@@ -305,7 +305,7 @@ def test_each_axis_has_its_own_gain_of_the_integral(experiment_of):
     np.testing.assert_allclose(stored, (SPREAD - 0.2) @ z**2 / 2, rtol=0, atol=1e-14)
 
 
-@pytest.mark.needs("underactuated")
+@pytest.mark.needs("underactuated", "thrusters")
 def test_the_position_loop_may_have_an_integral_along_one_axis_only(experiment_of):
     config = climb("none", "native")
     [law] = config["controllers"]

@@ -20,7 +20,7 @@ from eqt_cli.components.actuators import (
     RateLimit,
     Scaled,
 )
-from eqt_cli.components.blocks import beyond_limits, signals
+from eqt_cli.components.blocks import beyond_limits
 from eqt_cli.components.inertia import Inertia, PrescribedInertia
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Channel, Errors, Noise
@@ -52,7 +52,6 @@ from eqt_cli.extend import (
     Problems,
     Restoring,
     Schedule,
-    Thrusters,
     group_named,
 )
 from eqt_cli.numbers.leaves import leaves
@@ -417,11 +416,6 @@ def test_an_actuator_without_states_is_handed_none():
     states = {name: np.zeros(count) for name, count in clocked.states(SO3).items()}
     now = ports(clocked, SO3, states, command=command, acts=True)
     np.testing.assert_array_equal(now.stepped()["held"], command)
-    wheels = Thrusters(matrix=np.eye(3).tolist())
-    behind = Vehicle(actuators=(Stateless(), wheels)).of_run(SO3)
-    np.testing.assert_array_equal(
-        signals(ports(behind, SO3, {}, command=command))["thrust"], command
-    )
 
 
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])

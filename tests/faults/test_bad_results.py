@@ -215,6 +215,7 @@ def test_a_report_of_numbers_whose_squares_overflow(huge, invoke):
     invoke("report", huge, "--quick", "--out", huge.with_name("page.html"))
 
 
+@pytest.mark.needs("thrusters")
 def test_thrusters_of_any_size_are_checked(tmp_path, invoke):
     path = tmp_path / "c.yaml"
     path.write_text(

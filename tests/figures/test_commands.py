@@ -164,6 +164,7 @@ THRUSTERS = {
 
 
 @pytest.mark.ci("flies a vehicle with thrusters")
+@pytest.mark.needs("thrusters")
 def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, picture):
     result = opened(simulate(actuators=[THRUSTERS]))
     drawing = picture(Commands(run=2, thrusters=True), result)
@@ -223,7 +224,7 @@ LOADED = {
 
 
 @pytest.mark.ci("flies a vehicle with thrusters")
-@pytest.mark.needs("paths")
+@pytest.mark.needs("paths", "thrusters")
 def test_a_map_shows_when_each_of_many_thrusters_is_at_its_limit(simulate, opened, altered):
     """Of gt, from 1 s to 3 s, thruster 2 pushes back with 0.6 N of 1 N and thruster 4 with 2 N."""
     path = simulate(**FLIES | {"actuators": [LOADED]})

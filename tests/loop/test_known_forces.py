@@ -142,6 +142,7 @@ def hexarotor(**limits):
     return with_forces(weight, actuators=[thrusters], reference=path, controllers=["gt"])
 
 
+@pytest.mark.needs("thrusters")
 @pytest.mark.parametrize(
     ("limits", "said"),
     [

@@ -73,6 +73,7 @@ actuators: [{kind: thrusters, time_constant: 0.02, low: 0, high: 50, thrust_cons
 """
 
 
+@pytest.mark.needs("thrusters")
 def test_rounding_that_a_root_enlarges_mixes_no_runs(check):
     """A thrust that is 0 but for rounding: the root of 1e-18 N over 1e-8 N s² is 1e-5 rad/s."""
     still = ("initial={}", "ensemble.runs=1", "reference={torque: [0, 0, 0]}")

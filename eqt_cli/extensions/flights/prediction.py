@@ -19,7 +19,6 @@ from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.motions import PlantModel, piece_at
 from eqt_cli.components.references import ConstantReference
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
@@ -339,7 +338,7 @@ def is_before_speeds(key: KeyPath, experiment: Experiment, recording: Recording)
 
 
 def _has_rotors(actuator: Actuator) -> bool:
-    return isinstance(actuator, Thrusters) and actuator.thrust_constant is not None
+    return getattr(actuator, "thrust_constant", None) is not None
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Real, shown, validated
 from eqt_cli.base.registry import Keys
+from eqt_cli.base.stored import THRUSTER
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import Source, load
 from eqt_cli.components.blocks import acting_force
@@ -24,7 +25,6 @@ from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import LawInput, lie_poisson
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import with_fields
 
@@ -94,7 +94,7 @@ class Model:
         if unknown := [axis for axis in axes or () if axis not in command_axes(G)]:
             names = ", ".join(command_axes(G))
             raise EqtError(f"--adapter: input.axes: expected {names}, got {shown(unknown[0])}")
-        parts: Any = next((x for x in loop.vehicle.actuators if isinstance(x, Thrusters)), None)
+        parts: Any = next((x for x in loop.vehicle.actuators if THRUSTER in x.members), None)
         rows = [command_axes(G).index(axis) for axis in axes or command_axes(G)]
         return cls(loop, np.eye(G.dimension)[:, rows] if parts is None else parts.matrix, parts)
 

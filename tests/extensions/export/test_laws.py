@@ -14,8 +14,6 @@ from said import says
 
 import eqt_cli
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.components.thruster_parts import Priority
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.config.study import Study
 from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
@@ -26,6 +24,8 @@ from eqt_cli.extensions.export.export import bounds_in_words
 from eqt_cli.extensions.export.export_laws import _random, exported
 from eqt_cli.extensions.export.program_error import ARITHMETICS
 from eqt_cli.extensions.spacecraft.wheels import Wheels
+from eqt_cli.extensions.thrusters.parts import Priority
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from eqt_cli.loop.law_program import INPUT, MEMORY
 from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.batches import batches

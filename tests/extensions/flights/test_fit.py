@@ -19,14 +19,14 @@ import eqt_cli
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.pose_tables import LogMapping
-from eqt_cli.components.propellers import Propellers
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import build
 from eqt_cli.extend import group_named
 from eqt_cli.extensions.flights.prediction import Replay, by_rotors
 from eqt_cli.extensions.logs.recording import read_log
 from eqt_cli.extensions.logs.recording_check import LogReference, recording_of
+from eqt_cli.extensions.thrusters.propellers import Propellers
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from tests.extensions.flights.conftest import DRAG, NAMES, NOISE, RELATIVE, model, true_plant
 
 INERTIA, ABOUT, ALONG = (

@@ -31,6 +31,7 @@ CORE = (
     "extensions/designed_laws",
     "extensions/logs/smoothing.py",
     "extensions/spacecraft",
+    "extensions/thrusters",
     "extensions/underactuated",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""

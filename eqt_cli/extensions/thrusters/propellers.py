@@ -11,8 +11,8 @@ from eqt_cli.base.option_types import Scale, Unit
 from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.thrusters import SPEEDS, THRUST, Thrusters
 from eqt_cli.components.vehicle_parts import Numbers
+from eqt_cli.extensions.thrusters.thrusters import SPEEDS, THRUST, Thrusters
 from eqt_cli.numbers.leaves import with_fields
 
 CURVE = ("thrust_constant", "astern", "dead_speed", "neutral")

@@ -8,10 +8,10 @@ import yaml
 from scipy.optimize import linprog
 
 import eqt_cli
-from eqt_cli.components.thruster_parts import Priority, Thruster
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import group_named
+from eqt_cli.extensions.thrusters.parts import Priority, Thruster
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 SE3 = group_named("SE3")

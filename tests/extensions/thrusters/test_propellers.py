@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.propellers import Propellers
-from eqt_cli.components.thruster_parts import Jets
 from eqt_cli.extend import group_named
+from eqt_cli.extensions.thrusters.parts import Jets
+from eqt_cli.extensions.thrusters.propellers import Propellers
 
 K, ASTERN, DEAD, NEUTRAL = [4e-4, 5e-4, 4e-4, 3e-4], 0.7, [20.0, 25.0, 20.0, 30.0], 0.05
 LOW, HIGH, LAG = -100.0, [120.0, 70.0, 120.0, 120.0], [0.1, 0.15, 0.2, 0.1]

@@ -14,12 +14,12 @@ from eqt_cli.api import load_experiment
 from eqt_cli.api.loading import open_at
 from eqt_cli.components.allocation import allocation, unreachable
 from eqt_cli.components.blocks import beyond_limits, signals, solution
-from eqt_cli.components.thruster_parts import Thruster
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
 from eqt_cli.config.remarks import limits_below_reference
 from eqt_cli.extend import Drag, Limit, RateLimit, group_named
+from eqt_cli.extensions.thrusters.parts import Thruster
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.run_study import execute
@@ -448,7 +448,7 @@ def test_a_direction_of_hardly_any_thrust_is_given_up_and_named(name, weights):
     assert not list(exact.remarks(G, wanted))
 
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 WITH_THRUSTERS = [
     path.stem
     for path in sorted(CONFIGS.glob("*.yaml"))
@@ -539,3 +539,14 @@ def test_points_with_other_thrusters_have_their_own(folder):
         with open_at(Path("out"), point) as one:
             found.append(one["thrust"].shape[-1] if one.has("thrust") else None)
     assert found == [None, 3, 4, 4]
+
+
+def test_thrusters_behind_a_part_without_states_have_its_command():
+    class Stateless(Limit):
+        def output(self, G, command, x):
+            return command
+
+    G, command = group_named("SO3"), np.array([1.0, 2.0, 3.0])
+    parts = Stateless(limit=9.0), Thrusters(matrix=np.eye(3).tolist())
+    behind = Vehicle(actuators=parts).of_run(G)
+    np.testing.assert_array_equal(signals(ports(behind, G, {}, command=command))["thrust"], command)

@@ -13,10 +13,10 @@ from said import mentions
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.components.thruster_parts import Failure, Thruster
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import Drag, EqtError, Restoring, group_named
+from eqt_cli.extensions.thrusters.parts import Failure, Thruster
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from eqt_cli.loop.linearised import flow
 
 SE3 = group_named("SE3")

@@ -5,8 +5,8 @@ import pytest
 from small_experiment import mapping
 
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.config.schema import Config
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 
 PLACES = [(0.3, 0, 0), (-0.3, 0, 0), (0, 0.3, 0), (0, -0.3, 0), (0, 0, 0.3), (0, 0, -0.3)]
 ALONG = [(0, 1, 0), (0, 1, 0), (0, 0, 1), (0, 0, 1), (1, 0, 0), (1, 0, 0)]

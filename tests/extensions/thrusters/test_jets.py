@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.blocks import signals
-from eqt_cli.components.thruster_parts import Jets, Priority
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.extend import group_named
+from eqt_cli.extensions.thrusters.parts import Jets, Priority
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 SO3, INERTIA, ARM = group_named("SO3"), np.array([1.2, 1.4, 1.0]), np.array([0.4, 0.3, 0.2])

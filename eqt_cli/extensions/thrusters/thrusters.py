@@ -50,7 +50,6 @@ from eqt_cli.components.allocation import (
 from eqt_cli.components.forces import sines, wave
 from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
-from eqt_cli.components.thruster_parts import Failure, Jets, Noise, Priority, Thruster, Waves
 from eqt_cli.components.vehicle_parts import (
     Number,
     Numbers,
@@ -62,6 +61,7 @@ from eqt_cli.components.vehicle_parts import (
     lowest,
     presence,
 )
+from eqt_cli.extensions.thrusters.parts import Failure, Jets, Noise, Priority, Thruster, Waves
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from eqt_cli.components.propellers import Propellers
-from eqt_cli.components.thruster_parts import Failure, Jets, Priority, Thruster
-from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle_parts import Uniform
 from eqt_cli.extend import group_named
+from eqt_cli.extensions.thrusters.parts import Failure, Jets, Priority, Thruster
+from eqt_cli.extensions.thrusters.propellers import Propellers
+from eqt_cli.extensions.thrusters.thrusters import Thrusters
 
 SE3, SO3 = group_named("SE3"), group_named("SO3")
 WEIGHT, HIGH = 14.71, 9.0

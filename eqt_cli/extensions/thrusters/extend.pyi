@@ -1,0 +1,1 @@
+from eqt_cli.extensions.thrusters.thrusters import Thrusters as Thrusters
