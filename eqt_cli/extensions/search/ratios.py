@@ -433,7 +433,9 @@ def endings(record: Record) -> list[str]:
     if record["samples"] < FEWEST_SAMPLES:
         return []
     laws = [law for law in record["laws"] if law["winners"]]
-    said = [ending(law_title(x["label"]), gains_of(x), record["budget"]) for x in laws]
+    said = [
+        ending(law_title(x["label"]), gains_of(x), record["budget"], len(x["over"])) for x in laws
+    ]
     return [f"{one[:1].upper()}{one[1:]}." for one in said if one]
 
 

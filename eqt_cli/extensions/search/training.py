@@ -16,7 +16,13 @@ from eqt_cli.base.reporting import brief, count_of, reporter
 from eqt_cli.config.document import Document
 from eqt_cli.config.study import study
 from eqt_cli.extensions.search.candidates import computed
-from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, SETTLED, more_of, rounds_of
+from eqt_cli.extensions.search.exchanges import (
+    FEWEST_EXCHANGING,
+    SETTLED,
+    is_small,
+    more_of,
+    rounds_of,
+)
 from eqt_cli.extensions.search.fronts import Constraint
 from eqt_cli.extensions.search.keys import TuneSection
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
@@ -187,6 +193,8 @@ def _within(
         best_ones |= yield from abreast(_exchanges(search, going, best_ones))
         if all((one.gained or 0.0) <= SETTLED for one in best_ones.values()):
             break
+    if is_small(search.budget, len(free)):  # too few points to say how far from the best they are
+        best_ones = {sample: replace(one, gained=None) for sample, one in best_ones.items()}
     return best_ones
 
 

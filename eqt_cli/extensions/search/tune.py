@@ -22,7 +22,13 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.extensions.search import law_search
-from eqt_cli.extensions.search.exchanges import FEWEST_EXCHANGING, enough, more_of, rounds_of
+from eqt_cli.extensions.search.exchanges import (
+    FEWEST_EXCHANGING,
+    enough,
+    is_small,
+    more_of,
+    rounds_of,
+)
 from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.extensions.search.keys import TuneSection, WorstRunSection
 from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder, TunedRange
@@ -133,7 +139,7 @@ class Search(Searches[TuneSection]):
             f"tune.budget {self.budget} is small for {count_of(len(law.axes), 'number')} of "
             f"{law.label}: searches were measured with {enough(len(law.axes))}"
             for law in self.laws
-            if law.axes and self.budget < enough(len(law.axes)) / 2
+            if law.axes and is_small(self.budget, len(law.axes))
         ]
 
     @property

@@ -6,7 +6,7 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.extensions.search.exchanges import larger, rounds_of
+from eqt_cli.extensions.search.exchanges import ending, larger, rounds_of
 from eqt_cli.extensions.search.model_search import Tried
 from eqt_cli.extensions.search.training import Training, _course
 from eqt_cli.extensions.search.tune import Search
@@ -88,13 +88,23 @@ def test_a_number_that_is_no_multiple_of_another_is_refused(changed, expected):
 
 @pytest.mark.ci("a second of models")
 def test_samples_end_where_the_best_of_them_is_and_say_what_they_gained():
-    found = searched(search(budget=20, samples=3), bowl)
+    found = searched(search(budget=50, samples=3), bowl)
     assert [*found] == [1, 2, 3]
     for best in found.values():
         assert best.tried.costs[best.point] <= 1.001
         assert best.gained <= 0.005
-    again = searched(search(budget=20, samples=3), bowl)
+    again = searched(search(budget=50, samples=3), bowl)
     assert all(np.array_equal(again[k].tried.shares, found[k].tried.shares) for k in found)
+
+
+def test_a_search_of_too_few_points_does_not_say_how_far_it_is():
+    """Each sample has its start alone, which the others confirm, and it is far from the best."""
+    found = searched(search(budget=1, samples=3), bowl)
+    assert all(best.tried.costs[best.point] > 1.005 for best in found.values())
+    assert [best.gained for best in found.values()] == [None] * 3
+    few = "search not finished: EqT has too few points for 3 numbers; set tune.budget to 100"
+    assert ending("EqT", [None] * 3, 49, 3) == few
+    assert ending("EqT", [0.0] * 3, 50, 3) == ""
 
 
 def test_two_samples_exchange_nothing():
