@@ -1,15 +1,17 @@
 """How far the searches of `eqt tune` end from the best gains, and whether its verdicts hold.
 
     python -m benchmarks.searches misses --laws gt,eqt --tasks late --samples 3
-    python -m benchmarks.searches same --count 200
-    python -m benchmarks.searches ratio --count 100
+    python -m benchmarks.searches same --plain --count 200
+    python -m benchmarks.searches ratio --plain --count 100 --top 2.55
+    python -m benchmarks.searches ratio --plain --count 100 --feedforward 0.48
 
 `misses` compares the archive of `eqt suite` with the least error that any of its own searches finds
 on the same training runs, at an effort of at most 1.001 of the bound: a search from other first
 points, one that goes on from both best points, and a dense cloud about the best of all. `same`
 tunes two copies of one law, whose ranges differ by 7 and 13 %, so that they try other points.
-`ratio` does it for a law whose range of kp ends where its error is larger by a number that a dense
-grid on other runs gives. Each line of the output is a JSON record.
+`ratio` does it for a law whose range of kp ends earlier, or whose feedforward is too small, so that
+its error is 3 % larger in the mean over training samples. By `--plain`, a plain program flies the
+runs, ten times as fast (`benchmarks/wheel.py`). Each line of the output is a JSON record.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import eqt_cli
+from benchmarks import wheel
 from eqt_cli.api.running import choose_executor
 from eqt_cli.base.arrays import Array
 from eqt_cli.config.study import Study
@@ -143,23 +146,26 @@ PLANT = {
 EFFORT = 8.0
 
 
+TUNE = {"objective": "mean_pose_error", "equal": {"effort": EFFORT}, "samples": 5, "budget": 60}
+
+
+def ranges(scale: float, top: float | None) -> dict[str, Any]:
+    """Return the ranges of a law; `top` is the end of that of kp."""
+    kp = [0.2 * scale, 20.0 * scale if top is None else top]
+    return {"gains.kp": {"log": kp}, "gains.kd": {"log": [0.1 * scale, 10.0 * scale]}}
+
+
 def experiment(seed: int, scales: tuple[float, float], top: float | None) -> dict[str, Any]:
     """Tune two laws and return the verdict on the second against the first."""
-    over = {}
-    for index, scale in enumerate(scales):
-        high = top if index and top else 20.0 * scale
-        over[f"controllers[{index}].gains.kp"] = {"log": [0.2 * scale, high]}
-        over[f"controllers[{index}].gains.kd"] = {"log": [0.1 * scale, 10.0 * scale]}
+    over = {
+        f"controllers[{index}].{key}": ends
+        for index, scale in enumerate(scales)
+        for key, ends in ranges(scale, top if index else None).items()
+    }
+    confirm = {"runs": 60, "seed": 10**6 + seed}
     data = PLANT | {
         "ensemble": {"runs": 16, "seed": 10 * seed + 1},
-        "tune": {
-            "over": over,
-            "objective": "mean_pose_error",
-            "equal": {"effort": EFFORT},
-            "samples": 5,
-            "budget": 60,
-            "confirm": {"runs": 60, "seed": 10**6 + seed},
-        },
+        "tune": TUNE | {"over": over, "confirm": confirm},
     }
     from eqt_cli.extensions.search import ratios
     from eqt_cli.results.result import open_result
@@ -188,6 +194,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--top", type=float, help="end of the range of kp of the second law")
+    parser.add_argument("--feedforward", type=float, default=1.0, help="of the second law")
+    parser.add_argument("--plain", action="store_true", help="a plain program flies the runs")
     chosen = parser.parse_args()
     laws, tasks = ([x for x in text.split(",") if x] for text in (chosen.laws, chosen.tasks))
     with threadpool_limits(1):
@@ -195,9 +203,15 @@ def main() -> None:
             records = misses(laws, tasks, chosen.samples)
         else:
             top = chosen.top if chosen.what == "ratio" else None
-            scales = (1.07, 1.13) if top is None else (1.0, 1.0)
+            scales = (1.07, 1.13) if chosen.what == "same" else (1.0, 1.0)
             seeds = range(chosen.first, chosen.first + chosen.count)
             records = (experiment(seed, scales, top) for seed in seeds)
+            if chosen.plain:
+                ends = (None, top)
+                of = [ranges(*each) for each in zip(scales, ends, strict=True)]
+                a, b = (wheel.search(PLANT, over, TUNE) for over in of)
+                factor = chosen.feedforward
+                records = (wheel.experiment(seed, (a, b), factor) for seed in seeds)
         for record in records:
             print(json.dumps(record), flush=True)
     print(f"CPU s: {sum(os.times()[:4]):.0f}", file=sys.stderr)
