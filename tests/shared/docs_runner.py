@@ -145,26 +145,40 @@ def run_command(line, shows_digits=True):
     words, expected, plain = taken_apart(line)
     mine = words[2:] and words[2].endswith(".yaml")
     shipped = mine and words[2].startswith("configs/")
+    added = []
     if words[:2] == ["eqt", "sweep"] and mine:
-        words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
+        added = SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
-        words += [*SMALL, *(FEW_OF_A_FRONT if "objectives" in line else FEW), *SHORT]
+        added = [*SMALL, *(FEW_OF_A_FRONT if "objectives" in line else FEW), *SHORT]
     elif words[:2] == ["eqt", "tune"] and mine and "--dry-run" not in words:
-        words += ["--set=tune.budget=6", "--set=tune.samples=1"]  # with which it may go on later
+        added = ["--set=tune.budget=6", "--set=tune.samples=1"]  # with which it may go on later
     elif words[:2] == ["eqt", "worst"] and shipped:
-        words += [*SMALL, *FEWER, *SHORT]
+        added = [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "live"]:
-        words += SMALL if shipped else []
+        added = SMALL if shipped else []
     elif words[:2] == ["eqt", "budget"]:
-        words += ["--set=ensemble.runs=5", *COARSE]
+        added = ["--set=ensemble.runs=5", *COARSE]
     elif words[:2] == ["eqt", "run"] and mine:
-        words += [*SMALL, *([] if shows_digits and not shipped else COARSE)]
+        added = [*SMALL, *([] if shows_digits and not shipped else COARSE)]
     elif words[0] == "eqt" and words[1] in BRIEF and BRIEF[words[1]][0] not in words:
-        words += BRIEF[words[1]]
+        added = BRIEF[words[1]]
+    words = [*without_keys_of(added, words), *added]
     code, printed = called(words[1:]) if plain else shell(line)
     too_few = shipped_runs_are_few(words, printed)
     assert code == expected or too_few, f"{line}\nexit code {code}\n{printed}"
     return printed
+
+
+def without_keys_of(added, words):
+    """The words without settings of keys that others set, since a key may be set once."""
+    keys = {word.split("=")[1] for word in added if word.startswith("--set=")}
+    kept = []
+    for word in words:
+        if kept[-1:] == ["--set"] and word.partition("=")[0] in keys:
+            kept.pop()
+        elif not (word.startswith("--set=") and word.split("=")[1] in keys):
+            kept.append(word)
+    return kept
 
 
 def shipped_runs_are_few(words, printed):
