@@ -17,6 +17,7 @@ from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import nominal
+from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import (
     CountsInstants,
     Designed,
@@ -27,6 +28,7 @@ from eqt_cli.components.laws import (
 )
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import (
@@ -39,7 +41,7 @@ from eqt_cli.components.vehicle import (
     requested_torque,
 )
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
-from eqt_cli.numbers.leaves import leaves, structure, with_fields, with_leaves
+from eqt_cli.numbers.leaves import STRUCTURE, leaves, structure, with_fields, with_leaves
 
 
 def off_limits(loop: ClosedLoop) -> ClosedLoop:
@@ -136,21 +138,14 @@ SAME = 1e-6
 STILL = 1e-11
 """Change of a state per unit of any other, below which it never changes, but for rounding."""
 
+MOST_RECALLED = 8
+"""Limit on the values of a reference that are kept: two at some times, and a step or two later."""
+
 MOST_INSTANTS = 1000
 """Limit on the instants in which the covariance of an estimator settles."""
 
 SETTLED = 1e-9
 """Relative change of a covariance in a cycle, below which it has settled."""
-
-GAINS = {
-    "kp": ("gains.K",),
-    "kd": ("gains.K_d",),
-    "position": (".position.kx", ".position.kv", ".position.ki"),
-    "lag": ("controller.believed",),
-    "effectiveness": (),
-}
-"""Ends of the paths of numbers that each gain multiplies. The lag is the one that a law believes
-in; effectiveness is the torque for each command, which no law knows."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
 """Stretches of a flat state that are not copied into x as they are."""
@@ -240,23 +235,22 @@ class Linearised:
                 return dataclasses.replace(self, phases=(Phase(*one),), is_constant=True)
         return None
 
-    def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
-        """Return the loop about the same states with gains or other numbers multiplied."""
+    def multiplied(self, factors: Mapping[str, float]) -> "Linearised":
+        """Return the loop about the same states with its numbers multiplied, by ends of paths."""
         numbers = leaves(self.about.loop)
         scaled = {
             path: factor * numbers[path]
-            for name, factor in factors.items()
+            for end, factor in factors.items()
             for path in numbers
-            if path.endswith(GAINS[name])
+            if path.endswith(end)
         }
+        if not scaled:
+            return self
         loop = with_leaves(self.about.loop, scaled)
         # Motion and measurements of a sampled loop do not depend on gains.
         names = () if self.period is None else ("_flow", "held", "_measurements")
         computed = {name: getattr(self.about, name) for name in names}
-        linear = with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
-        effect = factors.get("effectiveness", 1.0)
-        phases = tuple(phase._replace(B=effect * phase.B) for phase in linear.phases)
-        return dataclasses.replace(linear, phases=phases)
+        return with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
 
 
 class Phase(NamedTuple):
@@ -273,13 +267,50 @@ class Phase(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Pushed(ClosedLoop):
-    """A loop with `push` added to the command of the law."""
+class _Recalled(ClosedReference):
+    """A reference in closed form that is computed once at the times that it was asked for last.
 
-    push: Array = dataclasses.field(default_factory=lambda: np.zeros(1))
+    The law's model of the inertia does not change meanwhile.
+    """
+
+    whole: ClosedReference = dataclasses.field(metadata=STRUCTURE)
+    last: dict[tuple[str, bytes], Any] = dataclasses.field(
+        default_factory=dict, compare=False, metadata=STRUCTURE
+    )
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        return self.whole.motion(G, t)
+
+    def desired(self, G: MatrixLieGroup, inertia: Any, t: Any, Qd: Any, Pd: Any) -> Any:
+        return self._at("desired", t, lambda: self.whole.desired(G, inertia, t, Qd, Pd))
+
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> Any:
+        return self._at("flat output", t, lambda: self.whole.flat_output(G, t))
+
+    def _at(self, name: str, t: Any, compute: Callable[[], Any]) -> Any:
+        key = name, np.asarray(t).tobytes()
+        if key not in self.last:
+            if len(self.last) >= MOST_RECALLED:
+                self.last.clear()
+            self.last[key] = compute()
+        return self.last[key]
+
+
+@dataclass(frozen=True)
+class _Pushed(ClosedLoop):
+    """A loop with `push` added to the command of the law; L and W are 0, which no matrix has."""
+
+    push: Array | None = None
 
     def command(self, s: Tracking) -> Array:
-        return _pushed(super().command(s), self.push)
+        command = super().command(s)
+        return command if self.push is None else _pushed(command, self.push)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        return 0.0 * s.P[..., 0]
+
+    def outflow(self, s: Tracking, acting: Array) -> None:
+        return None
 
 
 def _pushed(command: Array, push: Array) -> Array:
@@ -405,7 +436,7 @@ class _About:
         Whether the last base is again the first.
     """
 
-    loop: ClosedLoop
+    loop: _Pushed
     times: Array
     poses: Array
     states: Array
@@ -416,10 +447,13 @@ class _About:
     @classmethod
     def reference(cls, loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Self:
         """Return the chart about the reference, with all other states as at the start of a run."""
-        states = loop.initial_state(poses, velocities, poses, velocities, times)
+        pushed = _Pushed.of(loop)
+        if isinstance(loop.reference, ClosedReference) and loop.held_reference is None:
+            pushed = dataclasses.replace(pushed, held_reference=_Recalled(loop.reference))
+        states = pushed.initial_state(poses, velocities, poses, velocities, times)
         if loop.vehicle.holding(loop.group):
-            states = loop.measured(times, states, _at_instant(loop, None))
-        return cls(loop, times, poses, states, np.zeros_like(velocities))
+            states = pushed.measured(times, states, _at_instant(pushed, None))
+        return cls(pushed, times, poses, states, np.zeros_like(velocities))
 
     @cached_property
     def others(self) -> dict[str, slice]:
@@ -715,7 +749,7 @@ class _About:
 
     def _rates_and_command(self, x: Array) -> Array:
         """Return the time derivative of x, and the command."""
-        loop = dataclasses.replace(_Pushed.of(self.loop), push=x[..., self.dimension :])
+        loop = dataclasses.replace(self.loop, push=x[..., self.dimension :])
         states = self._flat(x)
         s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
         parts, r = loop.layout.split(rates), s.relative
@@ -909,12 +943,17 @@ def _grown(loop: Linearised, place: int) -> Growth:
         tried = matrix + 10 * error * random * (matrix != 0)
         worst = _beyond(loop, np.linalg.eigvals(tried)).max()
         doubtful &= ~(several & (beyond < 0)) | (worst >= 0)
-    rates = beyond
-    if loop.cycle is not None:
-        rates = np.log(np.maximum(np.abs(eigenvalues), np.finfo(float).tiny)) / loop.cycle
+    rates = growth_rates(loop, eigenvalues)
     which = int(rates.argmax())
     is_stable = False if (beyond[~doubtful] > 0).any() else None if doubtful.any() else True
     return Growth(complex(eigenvalues[which]), 0.0, float(rates[which]), is_stable)
+
+
+def growth_rates(loop: Linearised, eigenvalues: Array) -> Array:
+    """Return the growth rates of the errors of eigenvalues of the closed loop, 1/s."""
+    if loop.cycle is None:
+        return eigenvalues.real
+    return np.log(np.maximum(np.abs(eigenvalues), np.finfo(float).tiny)) / loop.cycle
 
 
 def _beyond(loop: Linearised, eigenvalues: Array) -> Array:

@@ -227,9 +227,9 @@ def test_the_rate_of_the_inertia_is_part_of_the_loop():
 def test_gains_are_multiplied_one_by_one():
     for control in (None, Sampling(period=0.1)):
         _, loop = about_reference(WHEEL, vehicle=Vehicle(control=control))
-        changed = loop.with_gains({"kp": 3.0, "kd": 0.5})
+        changed = loop.multiplied({"gains.K": 3.0, "gains.K_d": 0.5})
         gains = {"kp": 3.0, "kd": 0.5 * DAMPING}
         _, expected = about_reference({**WHEEL, "gains": gains}, vehicle=Vehicle(control=control))
         np.testing.assert_allclose(changed.closed, expected.closed, rtol=0, atol=1e-8)
-        np.testing.assert_array_equal(loop.with_gains({}).closed, loop.closed)
+        np.testing.assert_array_equal(loop.multiplied({}).closed, loop.closed)
         assert (changed.period, changed.is_constant) == (loop.period, True)

@@ -24,6 +24,7 @@ from eqt_cli.config.remarks import along_reference, remark_on
 from eqt_cli.config.study import Study
 from eqt_cli.engines.horizon import check_reference
 from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and_start, rates_of
+from eqt_cli.extensions.proofs.scaled import FACTOR_STEP, LARGEST_FACTOR, ScaledLoop, multiplied
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     AT_REST,
@@ -186,12 +187,6 @@ def _frequencies(loop: CutLoop) -> Array:
 def _size(matrix: Array) -> float:
     return float(np.linalg.norm(matrix, 2))
 
-
-LARGEST_FACTOR = 128.0
-"""Largest factor by which gains are multiplied or divided."""
-
-FACTOR_STEP = 2.0
-"""Ratio of successive factors at which stability is tested."""
 
 GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd"), "position": ("position",)}
 GAINS |= {name: (name,) for name in ("effectiveness", "lag")}
@@ -569,7 +564,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMarg
     largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
     delay, is_least = _delay_of(linear, largest)
     gains = _gain_margins(linear) if largest.is_stable else {}
-    lagging = [linear.with_gains({"lag": factor}) for factor in LAGS if "lag" in gains]
+    lagging = [multiplied(linear, ["lag"], factor) for factor in LAGS if "lag" in gains]
     periods = None
     if linear.period is not None and delay is not None and np.isfinite(delay):
         periods = round(delay / linear.period)
@@ -686,39 +681,27 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
     margins = {}
     for which, names in GAINS.items():
-        scaled = loop.with_gains(dict.fromkeys(names, FACTOR_STEP))
-        if _differ(scaled, loop):
-            ends = (_first_unstable(loop, names, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
+        scaled = ScaledLoop(loop, names)
+        if scaled.differs:
+            ends = (_first_unstable(scaled, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
             margins[which] = GainMargin(*ends)
     return margins
 
 
-def _differ(scaled: Linearised, loop: Linearised) -> bool:
-    """Whether matrices of a loop differ by more than the differences are off, row by row."""
-    for new, old in zip(scaled.phases, loop.phases, strict=True):
-        whole = np.abs(old.A) + np.abs(old.B) @ np.abs(old.C)  # A is what BC leaves of it
-        for one, other, sizes in zip(new, old, (whole, old.B, old.C), strict=True):
-            error = DERIVATIVE * np.abs(sizes).max(axis=-1, keepdims=True)
-            if not (np.abs(one - other) <= error).all():
-                return True
-    return False
-
-
-def _first_unstable(loop: Linearised, names: Sequence[str], step: float) -> float | None:
+def _first_unstable(loop: ScaledLoop, step: float) -> float | None:
     """Return the factor nearest to 1 on one side at which the loop becomes unstable, or None."""
     from scipy.optimize import brentq  # slow to import
 
-    def rate(logarithm: float) -> float:
-        scaled = loop.with_gains(dict.fromkeys(names, float(np.exp(logarithm))))
-        if not np.isfinite(scaled.closed).all():
-            return np.nan
-        return growth(scaled.at_rest or scaled).rate
-
     stable, end = 0.0, np.log(step)
     while abs(end) <= np.log(LARGEST_FACTOR) * (1 + 1e-12):
-        if np.isnan(last := rate(end)):
+        if np.isnan(last := _rate(end, loop)):
             return None
         if last > 0.0:
-            return float(np.exp(brentq(rate, stable, end, xtol=1e-12)))
+            # What it calls lives on in a cycle; its arguments do not.
+            return float(np.exp(brentq(_rate, stable, end, (loop,), xtol=1e-12)))
         stable, end = end, end + np.log(step)
     return None
+
+
+def _rate(logarithm: float, loop: ScaledLoop) -> float:
+    return loop.rate(float(np.exp(logarithm)))

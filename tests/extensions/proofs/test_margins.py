@@ -18,6 +18,7 @@ from eqt_cli.base.errors import ConfigError, EqtWarning
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.extend import Array, Lee2010, Problem, SolveIvp, Tracking, stack
 from eqt_cli.extensions.proofs import margins as searched
+from eqt_cli.extensions.proofs import scaled
 from eqt_cli.extensions.proofs.margins import (
     LARGEST_FACTOR,
     CutLoop,
@@ -101,6 +102,36 @@ def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor
     assert law.gains["kd"].lower == (pytest.approx(1 / factor, rel=1e-4) if is_shown else None)
     both = law.gains["both"]
     assert (law.gains["kd"].upper, both.lower, both.upper) == (None, None, None)
+
+
+@pytest.mark.parametrize(("power", "most"), [(1.0, 3), (2.0, 4), (3.0, 5), (0.5, 100)])
+def test_margins_are_those_of_any_function_of_a_gain(
+    power: float, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stiffness f^p k is stable to f^p = d/(Tk); as many linearisations as a polynomial needs."""
+    about = loop_of(WHEEL, actuators=[{"kind": "lag", "time_constant": DAMPING / 9 / STIFFNESS}])[1]
+    law = about.about.loop.controller
+
+    class Power(type(law)):  # type: ignore[misc]
+        """The law with a stiffness that is a power of its gain."""
+
+        def torque(self, s: Tracking) -> Array:
+            """τ, body frame."""
+            more = s.gains.K[..., 0, :1] ** (power - 1.0) - 1.0
+            return super().torque(s) - more * s.relative.gradient
+
+    loop = replace(about.about.loop, controller=Power())
+    linear = linearised(loop, about.about.times, about.about.poses, np.zeros((1, 1)))
+    factors = []
+    whole = scaled.multiplied
+    monkeypatch.setattr(
+        scaled, "multiplied", lambda loop, names, f: factors.append(f) or whole(loop, names, f)
+    )
+    loop_at = scaled.ScaledLoop(linear, ["kp"])
+    found = searched._first_unstable(loop_at, 2.0)
+    assert found == pytest.approx(9.0 ** (1 / power), rel=1e-7)
+    assert searched._first_unstable(loop_at, 0.5) is None
+    assert len(factors) <= most
 
 
 def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
