@@ -72,7 +72,8 @@ def compare_flights(
     fail_on
         Rules, such as ``position worse by 10 %``.
     out
-        Output folder for the figure ``flights``. Default: no figure.
+        Output folder for the figure ``flights``, and for what is measured of each flight, which a
+        second look at it in the same way uses again. Default: no files.
     how
         Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
 
@@ -118,16 +119,18 @@ def compare_flights(
     rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
     ordered = [x for two in (zip(*rows, strict=True) if pair else rows) for x in two]
     tracked, turns = partial(log_errors, **how), within[: len(within) // 2 * 2]
+    folder = None if out is None else Path(out)
+    settings = {"of": of, "period": period, "within": turns} | how
     shifts = dict[Path, float]()
-    with step("flights", len(ordered)):
-        noted = flights.with_shifts(tracked, shifts) if how.get("second") else tracked
-        flown = [*flights.read_flights(ordered, noted, of, period, turns)]
+    with flights.kept_in(folder, settings) as measured, step("flights", len(ordered)):
+        flown = [*flights.read_flights(ordered, tracked, of, period, turns, measured, shifts)]
     comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
-    comparison.notes.extend(flights.remarks_on_shifts(shifts))
-    if out is not None:
+    if how.get("second"):
+        comparison.notes.extend(flights.remarks_on_shifts(shifts))
+    if folder is not None:
         from eqt_cli.extensions.flights.figures import save_flights  # slow to import
 
-        save_flights(comparison, Path(out))
+        save_flights(comparison, folder)
     return comparison
 
 

@@ -215,7 +215,8 @@ def compare_flights(
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
     Result
-        --out DIR  Folder for the figure flights.
+        --out DIR  Folder for the figure flights, and for what is measured of each file, which is
+            used again.
     Output
         --format NAME  text, or csv with a row per flight.
     Two settings

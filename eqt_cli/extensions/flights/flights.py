@@ -8,6 +8,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
@@ -19,9 +20,10 @@ from eqt_cli.analysis import gate
 from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
 from eqt_cli.api.loading import path_from
 from eqt_cli.base.arrays import Array, norm
-from eqt_cli.base.errors import EqtError
-from eqt_cli.base.files import content_of
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError
+from eqt_cli.base.files import content_of, read_record, refusals, write_record
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
+from eqt_cli.base.version import __version__
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
@@ -36,6 +38,10 @@ that may be missing at the end."""
 
 ALIKE, MOST_SHOWN = (0.9, 1.1), 6
 """Ratios of times, speeds and winds that are not told; largest number of settings that are told."""
+
+KEPT, MOST_KEPT = "compared.json", 400
+"""File of the output folder with what was measured, and of how many flights: with 1,000 parameters
+each, 14 MB."""
 
 RESAMPLES = 9_999
 """Largest number of permutations that are all tried; else so many are drawn."""
@@ -172,15 +178,15 @@ def settings_of(tracking: TrackingErrors, begin: float, end: float) -> tuple[dic
     return settings, [*changes.values()]
 
 
-def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: Array) -> Flown:
-    """Return the errors of a flight of this side, file and digest, over laps between times."""
+def flown(file: str, tracking: TrackingErrors, of: str, cuts: Array) -> list[Any]:
+    """Return the numbers of a flight, as in `Flown`, over laps between times."""
     errors, (begin, end) = dict[str, float](), cuts[[0, -1]]
     for quantity, (t, rows) in tracking.curves.items():
         x = abs(rows[:, 0])
         laps = (x[(a <= t) & (t < b) & np.isfinite(x)] for a, b in pairwise(cuts))
         sizes = [SIZES[of](lap) for lap in laps if len(lap)]
         if 0 in sizes:
-            raise EqtError(f"{name[1]}: the {of} {quantity} error is 0, which has no ratio")
+            raise EqtError(f"{file}: the {of} {quantity} error is 0, which has no ratio")
         errors |= {quantity: float(np.exp(np.mean(np.log(sizes))))} if sizes else {}
 
     def numbers(series: Series) -> Array:
@@ -194,60 +200,133 @@ def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: A
     wind = [norm(numbers(series)).mean() for series in winds]
     means = (float(x[0]) if x else math.nan for x in (speed, wind))
     settings = settings_of(tracking, begin, end)[0]
-    facts: Any = *name, len(cuts) - 1, seconds, *means, errors, settings
-    return Flown(*facts)
+    return [len(cuts) - 1, seconds, *means, errors, settings]
+
+
+class Evaluated(NamedTuple):
+    """What is measured of a file once.
+
+    Attributes
+    ----------
+    topics
+        The topics that are compared, by the quantity.
+    rows
+        For each lap, or for the whole flight, `Flown` behind its digest.
+    shift
+        The delay that explains most of the errors, s; None if none is significant.
+    """
+
+    topics: dict[str, str]
+    rows: list[Any]
+    shift: float | None
+
+
+def digest_of(file: Path) -> str:
+    """Return the SHA-256 of a recording."""
+    parts = sorted(file.iterdir()) if file.is_dir() else [file]
+    return sha256(b"".join(content_of(part, MAX_BYTES) for part in parts)).hexdigest()
+
+
+@contextmanager
+def kept_in(folder: Path | None, how: Mapping[str, Any]) -> Iterator[dict[str, Evaluated]]:
+    """Give what was measured of flights, by digest, and keep what is added, even after an error.
+
+    Parameters
+    ----------
+    folder
+        The output folder; None keeps nothing.
+    how
+        All that the numbers follow from, besides the flights; of files, their content counts.
+    """
+    if folder is None:
+        yield {}
+        return
+    file, measured = folder / KEPT, dict[str, Evaluated]()
+    which = {"eqt": __version__} | {name: _content(value) for name, value in how.items()}
+    if file.exists():
+        with refusals(file, "read", OTHER_FOLDER):
+            if (record := read_record(file, "how", "flights")) is None:
+                raise ValueError("eqt did not write it")
+        if record["how"] == which:
+            measured = {digest: Evaluated(*flight) for digest, flight in record["flights"].items()}
+    before = len(measured)
+    try:
+        yield measured
+    finally:
+        if len(measured) > before:
+            with refusals(file, "written", OTHER_FOLDER):
+                folder.mkdir(parents=True, exist_ok=True)
+                latest = dict([*measured.items()][-MOST_KEPT:])
+                write_record(file, {"how": which, "flights": latest})
+
+
+def _content(value: Any) -> str:
+    """Return what stands for an option: of a file, its digest."""
+    is_file = isinstance(value, str | Path) and value and Path(value).exists()
+    return digest_of(Path(value)) if is_file else repr(value)
+
+
+def evaluated(file: Path, tracked: Tracked, of: str, period: float, within: str) -> Evaluated:
+    """Return the errors of a flight, or of the laps `within` one; refuse what is no unit."""
+    tracking = tracked(file)
+    t = next(iter(tracking.curves.values()))[0]
+    begin, end = t[0], np.nextafter(t[-1], np.inf)
+    seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
+    if seconds < max(LEAST_SECONDS, LEAST_SHARE * whole):
+        least = f"{LEAST_SECONDS:g} s or more, and half of {whole:.4g} s with setpoints"
+        raise EqtError(f"{file}: only {seconds:.4g} s are compared; expected {least}")
+    if (changes := settings_of(tracking, begin, end)[1]) and not within:
+        advice = "take a part by --begin and --end, or laps in turns by --within"
+        raise EqtError(f"{file}: changed in flight: {', '.join(changes)}; {advice}")
+    lap = period or end - begin
+    cuts = begin + lap * np.arange(1 + (len(within) or int((end - begin) / lap + SLACK)))
+    if len(cuts) < 2 or cuts[-1] > end + SLACK * lap:
+        raise EqtError(f"{file}: {end - begin:.4g} s are too few for laps of {period:g} s")
+    laps = [cuts[k : k + 2] for k in range(len(within))] or [cuts]
+    rows = [flown(f"{file}", tracking, of, lap) for lap in laps]
+    shift = next((size.delay for size in tracking.sizes if math.isfinite(size.delay)), None)
+    return Evaluated(dict(tracking.topics) if tracking.flight else {}, rows, shift)
 
 
 def read_flights(
-    files: Sequence[tuple[str, Path]], tracked: Tracked, of: str, period: float, within: str
+    files: Sequence[tuple[str, Path]],
+    tracked: Tracked,
+    of: str,
+    period: float,
+    within: str,
+    measured: dict[str, Evaluated],
+    shifts: dict[Path, float],
 ) -> Iterator[Flown]:
-    """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit."""
-    first, topics = dict[str, Path](), dict[str, tuple[str, Path]]()
-    for side, file in files:
-        tracking, parts = tracked(file), [*file.iterdir()] if file.is_dir() else [file]
-        digest = sha256(b"".join(content_of(x, MAX_BYTES) for x in sorted(parts))).hexdigest()
-        if first.setdefault(digest, file) is not file:
-            raise EqtError(f"{file}: the same recording as {first[digest]}; a flight counts once")
-        compared = tracking.topics if tracking.flight else {}
-        for quantity, pair in compared.items():
+    """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit.
+
+    A recording that stands twice is refused before anything is evaluated. Of recordings that are
+    `measured`, by digest, nothing is evaluated; the others are added. `shifts` gets that of each
+    file.
+    """
+    first, topics, digests = dict[str, Path](), dict[str, tuple[str, Path]](), list[str]()
+    for _, file in files:
+        digests.append(digest_of(file))
+        if first.setdefault(digests[-1], file) is not file:
+            same = first[digests[-1]]
+            raise EqtError(f"{file}: the same recording as {same}; a flight counts once")
+    for (side, file), digest in zip(files, digests, strict=True):
+        if digest not in measured:
+            measured[digest] = evaluated(file, tracked, of, period, within)
+        flight = measured[digest]
+        if flight.shift is not None:
+            shifts[file] = flight.shift
+        for quantity, pair in flight.topics.items():
             if (other := topics.setdefault(quantity, (pair, file)))[0] != pair:
                 advice = "choose the topics of all by --topic and --setpoint"
                 raise EqtError(f"{file}: compares {pair}, but {other[1]} {other[0]}; {advice}")
-        t = next(iter(tracking.curves.values()))[0]
-        begin, end = t[0], np.nextafter(t[-1], np.inf)
-        seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
-        if seconds < max(LEAST_SECONDS, LEAST_SHARE * whole):
-            least = f"{LEAST_SECONDS:g} s or more, and half of {whole:.4g} s with setpoints"
-            raise EqtError(f"{file}: only {seconds:.4g} s are compared; expected {least}")
-        if (changes := settings_of(tracking, begin, end)[1]) and not within:
-            advice = "take a part by --begin and --end, or laps in turns by --within"
-            raise EqtError(f"{file}: changed in flight: {', '.join(changes)}; {advice}")
-        lap = period or end - begin
-        cuts = begin + lap * np.arange(1 + (len(within) or int((end - begin) / lap + SLACK)))
-        if len(cuts) < 2 or cuts[-1] > end + SLACK * lap:
-            raise EqtError(f"{file}: {end - begin:.4g} s are too few for laps of {period:g} s")
-        for k, letter in enumerate(within):
-            yield flown((letter, f"{file} lap {k + 1}", digest), tracking, of, cuts[k : k + 2])
-        if not within:
-            yield flown((side, f"{file}", digest), tracking, of, cuts)
+        for k, row in enumerate(flight.rows):
+            name = (within[k], f"{file} lap {k + 1}") if within else (side, f"{file}")
+            yield Flown(*name, digest, *row)
         reporter().advance(1)
 
 
 MOST_APART = 0.25
 """Largest difference of the shifts in time that fit flights best to one desired motion, s."""
-
-
-def with_shifts(tracked: Tracked, shifts: dict[Path, float]) -> Tracked:
-    """Return a function that also notes the shift in time that fits a flight best, if any, s."""
-
-    def noted(file: Path) -> TrackingErrors:
-        errors = tracked(file)
-        delay = next((size.delay for size in errors.sizes if math.isfinite(size.delay)), None)
-        if delay is not None:
-            shifts[file] = delay
-        return errors
-
-    return noted
 
 
 def remarks_on_shifts(shifts: Mapping[Path, float]) -> Iterator[str]:

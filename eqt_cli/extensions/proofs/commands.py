@@ -369,7 +369,7 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
-    from eqt_cli.extensions.proofs.margins import LARGEST_FACTOR
+    from eqt_cli.extensions.proofs.scaled import LARGEST_FACTOR
 
     titles, shown = result.experiment.titles, _gains(result)
     yield "delay margin: further delay of the command with which the loop is still stable"

@@ -66,7 +66,7 @@ class ScaledLoop:
         self._loop, self._names = loop, names
         scaled = multiplied(loop, names, FACTOR_STEP)
         self.differs = _differ(scaled, loop)
-        self._known = {1.0: _closed(loop), FACTOR_STEP: _closed(scaled)}
+        self._matrices = {1.0: _closed(loop), FACTOR_STEP: _closed(scaled)}
         self._nodes, self._highest = self._polynomial() if self.differs else ((), 0.0)
 
     def rate(self, factor: float) -> float:
@@ -103,24 +103,24 @@ class ScaledLoop:
 
     def _is_alike(self, factor: float) -> bool:
         """Whether the loop at a factor, which is kept, is finite and has the same states."""
-        if factor not in self._known:
-            self._known[factor] = self._exact(factor)
-        shapes = {self._known[at].shape for at in (1.0, factor)}
-        return len(shapes) == 1 and bool(np.isfinite(self._known[factor]).all())
+        if factor not in self._matrices:
+            self._matrices[factor] = self._exact(factor)
+        shapes = {self._matrices[at].shape for at in (1.0, factor)}
+        return len(shapes) == 1 and bool(np.isfinite(self._matrices[factor]).all())
 
     def _agrees(self, nodes: Sequence[float], factor: float) -> bool:
         """Whether a polynomial is the loop at a factor, but for the error of differences."""
-        exact = self._known[factor]
+        exact = self._matrices[factor]
         error = np.abs(self._through(nodes, factor) - exact).max(axis=-1)
-        size = np.maximum(np.abs(exact), np.abs(self._known[1.0])).max(axis=-1)
+        size = np.maximum(np.abs(exact), np.abs(self._matrices[1.0])).max(axis=-1)
         return bool((error <= ALIKE * size).all())
 
     def _through(self, nodes: Sequence[float], factor: float) -> Array:
         """Return the polynomial through the loops at some factors, at another one."""
-        total = np.zeros_like(self._known[1.0])
+        total = np.zeros_like(self._matrices[1.0])
         for node in nodes:
             others = ((factor - other) / (node - other) for other in nodes if other != node)
-            total += math.prod(others) * self._known[node]
+            total += math.prod(others) * self._matrices[node]
         return total
 
 

@@ -1,8 +1,10 @@
 """Flights of two settings: known ratios, how sure they are, what differs, and what is refused."""
 
 import json
+import sys
 from itertools import combinations, product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -226,12 +228,63 @@ def test_a_change_in_flight_is_refused(fly):
     )
 
 
-def test_a_file_counts_once(fly):
+@pytest.fixture
+def read(fly, monkeypatch):
+    """The names of the files that are evaluated, in order."""
+    names, whole = [], api.log_errors
+    monkeypatch.setattr(
+        api, "log_errors", lambda path, **how: names.append(path.name) or whole(path)
+    )
+    return names
+
+
+def test_a_file_counts_once(fly, read):
     of_a, of_b = fly()
     Path("b2.ulg").write_text("a1.ulg")
     assert refusal(EqtError, compare_flights, of_a, of_b) == (
         "b2.ulg: the same recording as a1.ulg; a flight counts once"
     )
+    assert not read
+
+
+def test_a_second_look_evaluates_new_flights_and_those_that_are_read_otherwise(
+    fly, read, monkeypatch
+):
+    figures = SimpleNamespace(save_flights=lambda *_: None)
+    monkeypatch.setitem(sys.modules, "eqt_cli.extensions.flights.figures", figures)
+    of_a, of_b = fly(A[:3], B[:3], in_a=[(0, "P", 1.0)], in_b=[(0, "P", 2.0)])
+    Path("columns.yaml").write_text("t: t")
+    for files, options, expected in (
+        (of_a[:2], {}, [*of_a[:2], *of_b]),
+        (of_a, {}, of_a[2:]),
+        (of_a, {"of": "median"}, [*of_a, *of_b]),
+        (of_a, {"mapping": "columns.yaml"}, [*of_a, *of_b]),
+    ):
+        read.clear()
+        found = compare_flights(files, of_b, out="kept", **options)
+        assert read == expected
+        assert json.dumps(found.document) == json.dumps(
+            compare_flights(files, of_b, **options).document
+        )
+    Path("columns.yaml").write_text("t: time")
+    read.clear()
+    compare_flights(of_a, of_b, out="kept", mapping="columns.yaml")
+    assert read == [*of_a, *of_b]
+    Path("kept/compared.json").write_text("mine")
+    assert says(
+        refusal(EqtError, compare_flights, of_a, of_b, out="kept"),
+        "kept/compared.json: cannot be read: eqt did not write it…",
+    )
+    assert Path("kept/compared.json").read_text() == "mine"
+
+
+def test_what_was_evaluated_before_a_refusal_is_kept(fly, read):
+    of_a, of_b = fly()
+    fly.one("short.ulg", t=T[:20])
+    refusal(EqtError, compare_flights, [*of_a, "short.ulg"], of_b, out="kept")
+    read.clear()
+    refusal(EqtError, compare_flights, [*of_a, "short.ulg"], of_b, out="kept")
+    assert read == ["short.ulg"]
 
 
 def test_other_topics_are_refused(fly):
@@ -374,7 +427,7 @@ def test_flights_of_px4():
     assert (flight.wind, flight.speed) == pytest.approx((5.0, speed), rel=0.01)
     assert flight.settings["hardware"] == "PX4_FMU_V5"
     assert {path.name for path in Path("figure").iterdir()} == {
-        "flights.pdf", "flights.png", "flights.svg"
+        "compared.json", "flights.pdf", "flights.png", "flights.svg"
     }  # fmt: skip
 
 

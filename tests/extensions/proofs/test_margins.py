@@ -19,13 +19,8 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.extend import Array, Lee2010, Problem, SolveIvp, Tracking, stack
 from eqt_cli.extensions.proofs import margins as searched
 from eqt_cli.extensions.proofs import scaled
-from eqt_cli.extensions.proofs.margins import (
-    LARGEST_FACTOR,
-    CutLoop,
-    LawMargins,
-    delay_margin,
-    delayed,
-)
+from eqt_cli.extensions.proofs.margins import CutLoop, LawMargins, delay_margin, delayed
+from eqt_cli.extensions.proofs.scaled import LARGEST_FACTOR
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import Linearised, _settled, linearised
 
