@@ -3,6 +3,7 @@
 import gzip
 import sqlite3
 import zipfile
+from contextlib import closing
 
 import h5py
 import numpy as np
@@ -116,8 +117,9 @@ def test_flaws_in_nanoseconds_and_without_header():
 
 
 def database(path):
-    with sqlite3.connect(path) as opened:
+    with closing(sqlite3.connect(path)) as opened:
         opened.execute("create table topics (id integer)")
+        opened.commit()
 
 
 def hierarchical(path):

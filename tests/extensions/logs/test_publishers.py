@@ -1,6 +1,7 @@
 """Who measures and who commands: publishers, frames, versions of messages, and cores."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +152,7 @@ def test_the_messages_of_a_version_of_px4_are_those_of_the_file(version, suffix)
 
     path = write_bag(Path(f"f{suffix}"), [("/sp", kind, T, made)], definitions={kind: text})
     if suffix == ".db3":  # older recorders store no definition; then a message tells
-        with sqlite3.connect(path) as database:
+        with closing(sqlite3.connect(path)) as database, database:
             database.execute("DELETE FROM message_definitions")
     (series,) = flight_of(path).series("attitude setpoint")
     assert series.numbers == pytest.approx(q, abs=1e-7)
@@ -162,7 +163,7 @@ def test_what_sqlite_holds_beside_a_bag_belongs_to_it():
     """The recorder lost its power: a part of the bag is in its write-ahead log."""
     pose = pose_stamped(place(T), turned(T).as_quat())
     path = write_bag(Path("f.db3"), [("/pose", POSE, T, pose)])
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.execute("PRAGMA journal_mode=WAL")
         database.execute("PRAGMA wal_autocheckpoint=0")
         database.execute(f"DELETE FROM messages WHERE timestamp > {1e9 * T[99]:.0f}")
