@@ -101,6 +101,10 @@ NEEDED = {
     },
     "designed_laws": {"sweep_lqr", "quadrotor_speeds"},
     "navigation": {"quadrotor_gnss", "se3_bluerov2_navigation"},
+    "search": {
+        *"pointing satellite_breaks satellite_estimated se3_bluerov2_estimated".split(),
+        *"tune_flies tune_paper tune_proved tune_so2".split(),
+    },
     "spacecraft": {"cubesat", "cubesat_orbit", "cubesat_sun"},
     "thrusters": {
         *"crazyflie planar_vtol quadrotor_gnss quadrotor_recovery quadrotor_speeds".split(),
@@ -111,7 +115,7 @@ NEEDED = {
         *"quadrotor_recovery quadrotor_speeds".split(),
     },
 }
-"""Shipped configurations with components of an extension."""
+"""Shipped configurations with components, or keys, of an extension."""
 
 ROOMS = Path(__file__).parent / "extensions"
 """A folder of tests an extension, which stays where the extension is taken away."""

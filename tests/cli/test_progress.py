@@ -147,6 +147,7 @@ def test_a_run_tells_how_far_it_is(eqt, monkeypatch):
     assert "runs/s" not in done.out
 
 
+@pytest.mark.needs("proofs")
 def test_verify_tells_how_far_it_is_before_a_run_is_done(eqt, monkeypatch):
     """Of a body with unlike moments of inertia, the first run alone may take minutes."""
     monkeypatch.setattr(output, "SHOW_AFTER", 0.0)

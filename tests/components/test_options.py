@@ -165,6 +165,7 @@ def test_smoothing_is_proposed_from_the_noise_of_a_file():
     assert list(WaypointsReference(NOISY).remarks(G)) == []
 
 
+@pytest.mark.needs("logs")  # what its message asks
 def test_the_residual_of_smoothed_waypoints_is_told():
     found = WaypointsReference(NOISY, smoothing={"rotation": "1 deg"})
     assert notes(found) == []

@@ -209,6 +209,7 @@ def test_a_run_without_a_value_is_never_better_than_the_worst(result_of, tmp_pat
     assert "late is NaN in " in error_of(eqt_cli.worst, data, tmp_path / "w")
 
 
+@pytest.mark.needs("sweeps")
 def test_a_metric_without_direction_is_shown_of_a_sweep(result_of, capsys, read):
     text = HEAD + metric("odd", "over.final(a)", "pose_error", better="neither")
     result = result_of(text, sweep=[{"grid": {"gains.kp": [1, 2]}}])
