@@ -21,8 +21,9 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.extensions.logs import frames, logs, lost_telemetry
 from eqt_cli.extensions.logs.first_bytes import format_of
+from eqt_cli.extensions.logs.log_check import LogCheck, check_text, largest_group, topics_of
 from eqt_cli.extensions.logs.log_table import open_sheet
-from eqt_cli.extensions.logs.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
+from eqt_cli.extensions.logs.logs import Flight, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.logs.recording import read_log, recorded_names
 from eqt_cli.extensions.logs.recording_check import Recording, recording_of
 from eqt_cli.extensions.logs.setpoints import setpoints_of
@@ -82,7 +83,7 @@ def check_log(
     """
     G, flight = None if group is None else group_named(group), _flight(path)
     with _read(path, mapping, format, flight) as log:
-        check = logs.check_text(*log, G)
+        check = check_text(*log, G)
         text, name, kind, columns = log
         if (
             flight is None
@@ -90,7 +91,7 @@ def check_log(
             and (lost := lost_telemetry.remark(text, name, columns))
         ):
             check.notes.append(lost)
-    more: Any = {"topics": [*logs.topics_of(flight)], "format": flight.format} if flight else {}
+    more: Any = {"topics": [*topics_of(flight)], "format": flight.format} if flight else {}
     return replace(check, **more)
 
 
@@ -313,7 +314,7 @@ def _setpoints(path: Any, mapping: Any, format: str) -> tuple[dict[str, list[Ser
         if both is None or not {"position", "attitude"} & {*both.quantities}:
             advice = "name their columns in a mapping, `setpoint: {x: …, y: …, z: …}`, or give a "
             raise EqtError(f"{path}: has no columns of setpoints, as x_ref; {advice}second file")
-        G = logs.largest_group(both.text, name, kind, both.mapping)
+        G = largest_group(both.text, name, kind, both.mapping)
         motions = logs.motions_of(read_log(both.text, name, kind, G, both.mapping))
         goals = {
             q: [one._replace(topic=both.quantities[q], fields=())]
@@ -363,7 +364,7 @@ def _series(
     if flight is None:
         with _read(path, mapping, format) as (text, name, kind, columns):
             columns = replace(columns, geodetic=columns.geodetic or about)
-            G = logs.largest_group(text, name, kind, columns)
+            G = largest_group(text, name, kind, columns)
             motions = logs.motions_of(read_log(text, name, kind, G, columns))
             return {quantity: [series] for quantity, series in motions.items()}
     kinds, topics = [of], flight.topics

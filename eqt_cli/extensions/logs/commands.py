@@ -18,7 +18,7 @@ from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.logs.error_options import FORMATS, Errors
 
 if TYPE_CHECKING:
-    from eqt_cli.extensions.logs.logs import LogCheck
+    from eqt_cli.extensions.logs.log_check import LogCheck
 
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""

@@ -12,7 +12,7 @@ import eqt_cli
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning, InputError
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TimeMapping
 from eqt_cli.extend import group_named
-from eqt_cli.extensions.logs.logs import check_text
+from eqt_cli.extensions.logs.log_check import check_text
 from eqt_cli.extensions.logs.recording import read_log
 from eqt_cli.extensions.logs.recording_check import recording_of
 

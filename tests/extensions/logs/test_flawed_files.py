@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.pose_tables import LogMapping, TimeMapping, read_starts
 from eqt_cli.extend import group_named
-from eqt_cli.extensions.logs.logs import check_text
+from eqt_cli.extensions.logs.log_check import check_text
 from eqt_cli.extensions.logs.recording import read_log
 from eqt_cli.extensions.logs.recording_check import notes
 from eqt_cli.extensions.logs.tables import text_of_recording

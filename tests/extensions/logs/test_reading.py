@@ -18,7 +18,7 @@ from eqt_cli.components.pose_tables import (
     read_starts,
 )
 from eqt_cli.extend import group_named
-from eqt_cli.extensions.logs.logs import check_text
+from eqt_cli.extensions.logs.log_check import check_text
 from eqt_cli.extensions.logs.recording import read_log, recorded_columns
 from eqt_cli.extensions.logs.recording_check import recording_of
 

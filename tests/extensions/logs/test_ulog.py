@@ -15,7 +15,8 @@ from eqt_cli.base.errors import EqtError, InputError
 from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.extend import group_named
 from eqt_cli.extensions.logs import logs
-from eqt_cli.extensions.logs.logs import check_text, flight_of
+from eqt_cli.extensions.logs.log_check import check_text
+from eqt_cli.extensions.logs.logs import flight_of
 from eqt_cli.extensions.logs.recording import read_log
 from eqt_cli.extensions.logs.tables import text_of_recording
 
