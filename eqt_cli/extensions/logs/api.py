@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from eqt_cli.base.units import factor
 from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.extensions.logs import frames, logs, lost_telemetry
+from eqt_cli.extensions.logs import frames, logs
 from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.log_check import LogCheck, check_text, largest_group, topics_of
 from eqt_cli.extensions.logs.log_table import open_sheet
@@ -28,6 +28,7 @@ from eqt_cli.extensions.logs.recording import read_log, recorded_names
 from eqt_cli.extensions.logs.recording_check import Recording, recording_of
 from eqt_cli.extensions.logs.setpoints import setpoints_of
 from eqt_cli.extensions.logs.tables import text_of_recording, with_columns
+from eqt_cli.extensions.logs.unflown import flown_rows
 
 MappingSource: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
 
@@ -82,15 +83,9 @@ def check_log(
     ('SO3', 100.0, [])
     """
     G, flight = None if group is None else group_named(group), _flight(path)
-    with _read(path, mapping, format, flight) as log:
-        check = check_text(*log, G)
-        text, name, kind, columns = log
-        if (
-            flight is None
-            and kind == "csv"
-            and (lost := lost_telemetry.remark(text, name, columns))
-        ):
-            check.notes.append(lost)
+    with _read(path, mapping, format, flight) as read:
+        check = check_text(*read[:4], G)
+        check.notes.extend(read.remarks)
     more: Any = {"topics": [*topics_of(flight)], "format": flight.format} if flight else {}
     return replace(check, **more)
 
@@ -102,8 +97,8 @@ def read_measured(
     format: str = "csv",
 ) -> Recording:
     """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
-    with _read(path, mapping, format) as (text, name, kind, columns):
-        return recording_of(read_log(text, name, kind, G, columns))
+    with _read(path, mapping, format) as read:
+        return read.recording(G)
 
 
 def driving(
@@ -111,15 +106,15 @@ def driving(
 ) -> Recording:
     """Read a recording of a wrench; rates are enough for a rotation, and its poses then NaN."""
     rates, names = recorded_names(G, ["rates"]), pose_tables.pose_columns(G)
-    with _read(path, mapping, format) as (text, name, kind, columns):
-        sheet = open_sheet(text, name, kind, columns)
-        used, units = pose_tables.used_columns(sheet.names, G), sheet.units | columns.units
+    with _read(path, mapping, format) as read:
+        sheet = open_sheet(*read[:4])
+        used, units = pose_tables.used_columns(sheet.names, G), sheet.units | read.mapping.units
         is_pose = used and (used.layout != "coordinates" or factor(units.get(rates[0], ""), "rad"))
         if is_pose or len(rates) < G.dimension or not {*rates} <= {*sheet.names}:
-            return recording_of(read_log(text, name, kind, G, columns))
+            return read.recording(G)
         rest = [0.0] * (len(names) - 1) + [float(len(names) > 1)]
-        text = with_columns(text, ",".join(names), np.tile(rest, (len(sheet.lines), 1)))
-        recording = recording_of(read_log(text, name, kind, G, columns))
+        text = with_columns(read.text, ",".join(names), np.tile(rest, (len(sheet.lines), 1)))
+        recording = read._replace(text=text).recording(G)
         return replace(recording, poses=np.full_like(recording.poses, np.nan))
 
 
@@ -151,19 +146,49 @@ def _mapping_from(mapping: MappingSource) -> tuple[LogMapping, Problems]:
     return columns, problems
 
 
+class Read(NamedTuple):
+    """A recording as the text of a table, without rows that were not flown.
+
+    Attributes
+    ----------
+    text, name, format, mapping
+        The table, its file, its format, and how it is read.
+    remarks
+        The rows that were not flown, in words.
+    """
+
+    text: str
+    name: str
+    format: TrajectoryFormat
+    mapping: LogMapping
+    remarks: Sequence[str] = ()
+
+    def recording(self, G: MatrixLieGroup) -> Recording:
+        """Return the motion in the table."""
+        one = recording_of(read_log(*self[:3], G, self.mapping))
+        return replace(one, notes=(*self.remarks, *one.notes))
+
+    def motions(self) -> dict[str, Series]:
+        """Return the series of positions and rotations in the table."""
+        return logs.motions_of(read_log(*self[:3], largest_group(*self[:4]), self.mapping))
+
+
 @contextmanager
 def _read(
     path: str | os.PathLike[str], mapping: MappingSource, format: str, flight: Flight | None = None
-) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
-    """Yield text, name, format and mapping; note a problem of the mapping at its place."""
+) -> Iterator[Read]:
+    """Yield a recording as a table; note a problem of the mapping at its place."""
     kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
     columns, problems = _mapping_from(mapping)
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
     text = text or text_of_recording(file, "check the path", EqtError, logs.MAX_BYTES, smaller)
     kind = _kind_of(text) if kind == "csv" else kind
+    remarks = list[str]()
     try:
-        yield text, str(file), kind, columns
+        if kind == "csv" and not format_of(file):
+            text, remarks = flown_rows(text, str(file), columns)
+        yield Read(text, str(file), kind, columns, remarks)
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
@@ -265,8 +290,8 @@ def log_errors(
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
     remarks = list[str]()
     if flight is None and second is None and format == "csv":
-        with _read(path, mapping, format) as (text, name, *_):
-            flight = logs.flight_of_table(text, name)
+        with _read(path, mapping, format) as read:
+            flight = logs.flight_of_table(read.text, read.name)
         mapping = mapping if flight is None else None
     of_second = mapping if second_mapping is None else second_mapping
     other = None if second is None else _flight(second, of_second)
@@ -279,12 +304,13 @@ def log_errors(
         if replace(rest, time=replace(rest.time, begin=None, end=None)) != LogMapping():
             keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
             raise EqtError(f"mapping: of a log, errors take only {keys}")
-    measured = _series(path, flight, mapping, format, topic)
+    measured = _series(path, flight, mapping, format, topic, remarks=remarks)
     if second is not None:
         about = None if flight else _point(path, mapping, format)
-        goals = _series(second, other, of_second, second_format or format, setpoint, about=about)
+        how: Any = {"about": about, "remarks": remarks}
+        goals = _series(second, other, of_second, second_format or format, setpoint, **how)
     elif flight is None:
-        goals, remarks = _setpoints(path, mapping, format)
+        goals = _setpoints(path, mapping, format)
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         goals = _series(path, flight, mapping, format, setpoint, of)
@@ -307,21 +333,19 @@ def log_errors(
     return errors
 
 
-def _setpoints(path: Any, mapping: Any, format: str) -> tuple[dict[str, list[Series]], list[str]]:
-    """Return the series of the setpoints in the table of the measurement, and remarks on it."""
-    with _read(path, mapping, format) as (text, name, kind, columns):
+def _setpoints(path: Any, mapping: Any, format: str) -> dict[str, list[Series]]:
+    """Return the series of the setpoints in the table of the measurement."""
+    with _read(path, mapping, format) as read:
+        text, name, kind, columns, _ = read
         both = setpoints_of(text, name, columns) if kind == "csv" else None
         if both is None or not {"position", "attitude"} & {*both.quantities}:
             advice = "name their columns in a mapping, `setpoint: {x: …, y: …, z: …}`, or give a "
             raise EqtError(f"{path}: has no columns of setpoints, as x_ref; {advice}second file")
-        G = largest_group(both.text, name, kind, both.mapping)
-        motions = logs.motions_of(read_log(both.text, name, kind, G, both.mapping))
-        goals = {
+        return {
             q: [one._replace(topic=both.quantities[q], fields=())]
-            for q, one in motions.items()
+            for q, one in Read(both.text, name, kind, both.mapping).motions().items()
             if q in both.quantities
         }
-        return goals, [*filter(None, [lost_telemetry.remark(text, name, columns)])]
 
 
 def _shared(actual: dict[str, Series], wanted: dict[str, Series]) -> Iterator[tuple[str, str]]:
@@ -343,8 +367,8 @@ def _instant(name: str, value: float | str, begins: Sequence[float]) -> float:
 
 def _point(path: Any, mapping: Any, format: str) -> Any:
     """Return the point about which latitudes of a table are positions; None without any."""
-    with _read(path, mapping, format) as (text, name, kind, columns):
-        positions = open_sheet(text, name, kind, columns).geodetic
+    with _read(path, mapping, format) as read:
+        positions = open_sheet(*read[:4]).geodetic
         return positions and positions.about._asdict()
 
 
@@ -356,17 +380,19 @@ def _series(
     topic: str | None,
     of: str = "",
     about: Any = None,
+    remarks: list[str] | None = None,
 ) -> dict[str, list[Series]]:
     """Return the series of each quantity, the first of the table first; of a topic, if named.
 
-    Latitudes are about a point, if the mapping states none.
+    Latitudes are about a point, if the mapping states none. `remarks` gets the rows that were not
+    flown.
     """
     if flight is None:
-        with _read(path, mapping, format) as (text, name, kind, columns):
-            columns = replace(columns, geodetic=columns.geodetic or about)
-            G = largest_group(text, name, kind, columns)
-            motions = logs.motions_of(read_log(text, name, kind, G, columns))
-            return {quantity: [series] for quantity, series in motions.items()}
+        with _read(path, mapping, format) as read:
+            placed = replace(read.mapping, geodetic=read.mapping.geodetic or about)
+            if remarks is not None:
+                remarks += read.remarks
+            return {q: [series] for q, series in read._replace(mapping=placed).motions().items()}
     kinds, topics = [of], flight.topics
     if topic is not None:
         kinds, topics = (

@@ -307,6 +307,11 @@ class Sheet:
                 columns[name] = column if factor == 1.0 else column * factor
         return LogTable(self.name, columns, self.numbers, since)
 
+    def numbers_of(self, names: list[str]) -> Array:
+        """Return the numbers of some columns as they are written, ``(rows, len(names))``."""
+        self._require_widths()
+        return self._numbers(names)
+
     def _require_widths(self) -> None:
         width = len(self.names)
         for number, line in zip(self.numbers, self.lines, strict=True):

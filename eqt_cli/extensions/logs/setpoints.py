@@ -126,6 +126,9 @@ def _filled(rows: list[str], places: list[int]) -> Iterator[str]:
     """Yield rows in which a blank cell of some columns has the number of an earlier row."""
     last = dict.fromkeys(places, "")
     for row in rows:
+        if not row.strip():
+            yield row
+            continue
         cells = next(csv.reader([row])) if '"' in row else row.split(",")
         blank = [k for k in places if k < len(cells) and cells[k].strip().lower() in ("", "nan")]
         for k in blank:

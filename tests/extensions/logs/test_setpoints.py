@@ -1,4 +1,4 @@
-"""Setpoints in the table of the flight, names of other programs, and telemetry that was lost."""
+"""Setpoints in the table of the flight, and names of other programs."""
 
 from pathlib import Path
 
@@ -129,34 +129,6 @@ def test_cells_with_lists_units_and_quoted_times_are_read():
     Path("f.csv").write_text("\n".join(rows))
     said = refusal(EqtError, eqt_cli.check_log, "f.csv")
     assert said == "f.csv:6: expected a list of 3 numbers, as in the first row, in column p"
-
-
-# Telemetry that was lost --------------------------------------------------------------------------
-
-
-def lossy(last):
-    """Eight columns, of which most go on along their last slope from row `last`."""
-    columns = [np.sin((1 + 0.1 * k) * T + k) for k in range(8)]
-    for column in columns:
-        column[last:] = column[last - 1] + (column[last - 1] - column[last - 2]) * np.arange(
-            1, len(T) - last + 1
-        )
-    write("t,x,y,z,x_ref,y_ref,z_ref,a,b,c,d,e", T, FLOWN, np.stack(columns, axis=-1))
-
-
-def test_rows_after_the_telemetry_are_told_with_their_time():
-    lossy(400)
-    words = "8 columns go straight on in the last 200 rows, from 7.98 s: telemetry was lost there"
-    assert [x for x in eqt_cli.check_log("f.csv").notes if x.startswith(words)]
-    assert eqt_cli.log_errors("f.csv").remarks[0].startswith(words)
-    cut = {"time": {"end": 7.98}}
-    assert not [x for x in eqt_cli.check_log("f.csv", cut).notes if "telemetry" in x]
-
-
-def test_straight_lines_of_slow_telemetry_are_no_loss():
-    slow = np.stack([np.interp(T, T[::40], np.sin(T[::40] + k)) for k in range(8)], axis=-1)
-    write("t,x,y,z,a,b,c,d,e,f,g,h", T, FLOWN, slow)
-    assert not [x for x in eqt_cli.check_log("f.csv").notes if "telemetry" in x]
 
 
 # Flights against one desired motion ---------------------------------------------------------------
