@@ -159,10 +159,11 @@ def _preprocessed(folder: Path, name: str, file: str) -> str:
 def _not_compiled(file: str, error: TraceError, folder: str = "") -> InputError:
     """Return the error of a compiler, without the name of a temporary folder."""
     reason = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
-    return InputError(
-        f"{file} cannot be compiled: {printable(reason.replace(folder, ''))}",
-        Remedy("compile it with your own compiler to see all of it"),
-    )
+    remedy = "compile it with your own compiler to see all of it"
+    if "cc1plus" in reason:  # the part of gcc that a machine without g++ lacks
+        remedy = "install g++, the C++ compiler of gcc"
+    message = f"{file} cannot be compiled: {printable(reason.replace(folder, ''))}"
+    return InputError(message, Remedy(remedy))
 
 
 def _included(text: str, folder: Path, file: str) -> Iterator[str]:

@@ -367,7 +367,7 @@ def test_no_cplusplus_compiler(cplusplus, told, monkeypatch):
     )
     Path("cc").chmod(0o755)
     monkeypatch.setenv("CC", str(Path("cc").absolute()))
-    assert "lee.cpp cannot be compiled: error: no cc1plus" in told(data)
+    assert "lee.cpp cannot be compiled: error: no cc1plus; install g++" in told(data)
 
 
 SLOW = """
