@@ -215,8 +215,8 @@ def compare_flights(
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
     Result
-        --out DIR  Folder for the figure flights, and for what is measured of each file, which is
-            used again.
+        --out DIR  Folder for the figure flights, and for the errors of all files, which are used
+            again.
     Output
         --format NAME  text, or csv with a row per flight.
     Two settings
