@@ -35,18 +35,7 @@ from eqt_cli.components.actuators import (
     check_members,
     of_each,
 )
-from eqt_cli.components.allocation import (
-    NEAR,
-    SMALLEST,
-    allocation,
-    axes_of,
-    by_priority,
-    faces_of,
-    lost_directions,
-    nearest_thrusts,
-    unreachable,
-    words_of,
-)
+from eqt_cli.components.allocation import SMALLEST, allocation, lost_directions, unreachable
 from eqt_cli.components.forces import sines, wave
 from eqt_cli.components.groups import MatrixLieGroup, command_axes
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
@@ -62,6 +51,14 @@ from eqt_cli.components.vehicle_parts import (
     presence,
 )
 from eqt_cli.extensions.thrusters.parts import Failure, Jets, Noise, Priority, Thruster, Waves
+from eqt_cli.extensions.thrusters.priority import (
+    NEAR,
+    axes_of,
+    by_priority,
+    faces_of,
+    nearest_thrusts,
+    words_of,
+)
 from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product
