@@ -116,9 +116,11 @@ def check_of_a_configuration(document: core.Document) -> None:
     """Raise a `ConfigError` with the errors of a section, or remark; `eqt config check`."""
 
 
-@one("config new --from a vehicle file")
-def vehicle_file(path: Path, **options: Any) -> tuple[str, list[str]]:
-    """Return a configuration as text and lines on its vehicle; `eqt config new --from`."""
+@one("config new of a vehicle")
+def configuration_of_a_vehicle(
+    source: str | None, options: Mapping[str, Any]
+) -> tuple[str, str, list[str]]:
+    """Return a configuration as text, its name, and lines on its vehicle; `eqt config new`."""
 
 
 # Runs and results ---------------------------------------------------------------------------------

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import asdict
-from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,12 +21,12 @@ from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import print_findings
 from eqt_cli.config import shipped
-from eqt_cli.config.shipped import VEHICLES, first_file
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from eqt_cli.config.experiment import Experiment
+
 
 # `eqt list`: the available components ------------------------------------------------------------
 
@@ -153,6 +151,9 @@ def _described(kind: str) -> list[dict[str, Any]]:
 # `eqt config`: configurations ---------------------------
 
 
+VEHICLES = ("quadrotor", "satellite", "auv", "boat")
+"""Vehicles whose configuration follows from some numbers."""
+
 VEHICLE_FILES = (".sdf", ".urdf", ".xacro", ".xml", ".mjcf", ".jinja")
 """Suffixes of files of vehicles."""
 
@@ -176,7 +177,7 @@ def new(
     source: Annotated[
         str | None, options.option("--from", autocompletion=completion.shipped)
     ] = None,
-    vehicle: Annotated[str | None, options.option("--vehicle", names=tuple(VEHICLES))] = None,
+    vehicle: Annotated[str | None, options.option("--vehicle", names=VEHICLES)] = None,
     mass: Annotated[float | None, options.option("--mass")] = None,
     inertia: Annotated[str | None, options.option("--inertia")] = None,
     bandwidth: Annotated[float | None, options.option("--bandwidth")] = None,
@@ -210,16 +211,25 @@ def new(
         --wingless  Leave out the lift and drag of wings and fins.
         --arg NAME=VALUE  Argument of a xacro file. Repeatable.
     """
-    of_file = {
-        "--models": models,
-        "--thrust": thrust,
-        "--reversible": reversible,
-        "--without": without,
-        "--wingless": wingless,
-        "--arg": arg,
+    of_vehicle = {
+        "vehicle": vehicle,
+        "mass": mass,
+        "inertia": inertia,
+        "bandwidth": bandwidth,
+        "models": models,
+        "thrust": thrust,
+        "reversible": reversible or None,
+        "without": without,
+        "wingless": wingless or None,
+        "arg": arg,
     }
-    of_body = {"--mass": mass, "--inertia": inertia}
-    text, name, facts = _text_of(source, vehicle, bandwidth, of_body, of_file)
+    chosen = {option: value for option, value in of_vehicle.items() if value not in (None, [])}
+    name, facts = source or "paper", list[str]()
+    if chosen or Path(name).suffix in VEHICLE_FILES:
+        of_a_vehicle = function_for(purposes.configuration_of_a_vehicle)
+        text, name, facts = of_a_vehicle(source, chosen)
+    else:
+        text = shipped.text(name)
     if file == Path("-"):
         return output.print_verbatim(text)
     file = file or Path(f"{name}.yaml")
@@ -233,56 +243,6 @@ def new(
     if facts:
         check(file)
     output.say(f"next: eqt run {file}")
-
-
-def _text_of(
-    source: str | None,
-    vehicle: str | None,
-    bandwidth: float | None,
-    of_body: dict[str, Any],
-    of_file: dict[str, Any],
-) -> tuple[str, str, list[str]]:
-    """Return a configuration, its name, and lines on the vehicle that a file has."""
-    numbers = {**of_body, "--bandwidth": bandwidth}
-    first = next((name for name, value in numbers.items() if value is not None), "")
-    wanted = {name.strip("-"): value for name, value in of_file.items() if value}
-    is_file = source is not None and Path(source).suffix in VEHICLE_FILES
-    if wanted and not is_file:
-        raise EqtError(f"--{next(iter(wanted))} is of a vehicle from a file; add --from FILE")
-    if not is_file and vehicle is None:
-        if first:
-            names = " | ".join(VEHICLES)
-            raise EqtError(f"{first} applies to vehicles only; add --vehicle {names}")
-        return shipped.text(source or "paper"), source or "paper", []
-    if not is_file and source is not None:
-        raise EqtError("--vehicle replaces --from; leave one of them out")
-    if bandwidth is None:
-        what = f"--from {source}" if is_file else f"--vehicle {vehicle}"
-        raise EqtError(f"{what} needs --bandwidth, in rad/s, such as 5")
-    if vehicle is not None and source is None:
-        moments = _moments(of_body["--inertia"] or "")
-        return first_file(vehicle, of_body["--mass"], moments, bandwidth), vehicle, []
-    if first != "--bandwidth":
-        raise EqtError(f"{first}: the file has these numbers; leave this option out")
-    file, read = Path(str(source)), function_for(purposes.vehicle_file)
-    text, facts = read(file, bandwidth=bandwidth, kind=vehicle, **wanted)
-    return text, file.name.partition(".")[0], facts
-
-
-def _moments(text: str) -> list[float]:
-    try:
-        return [float(number) for number in text.split(",")] if text else []
-    except ValueError:
-        with suppress(ValueError, TypeError):
-            (a, b, c), (_, d, e), (_, _, f) = loads(text)
-            six = ",".join(f"{number:g}" for number in (a, b, c, d, e, f))
-            raise EqtError(
-                f"--inertia: expected ixx,ixy,ixz,iyy,iyz,izz, got '{text}'; write {six}"
-            ) from None
-        raise EqtError(
-            "--inertia: expected numbers such as 0.1,0.2,0.25, or with products "
-            f"ixx,ixy,ixz,iyy,iyz,izz, got '{text}'"
-        ) from None
 
 
 @app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from case_tables import from_yaml, in_ci
+from case_tables import from_yaml
 from ci_cases import mostly_ci
 from said import says
 
@@ -57,59 +57,6 @@ def test_new_refuses(refused, folder, arguments, said):
     assert (folder / "c.yaml").read_bytes() == before
 
 
-VEHICLES = {
-    "quadrotor --mass 0.5 --inertia 3.65e-3,3.68e-3,7.03e-3 --bandwidth 10": [
-        "cascade ωx, ωy, ωz 10 1",
-        "cascade x, y, z 2 1",
-    ],
-    "satellite --inertia 6,4,7 --bandwidth 0.2": ["Lee 2010, Bullo–Murray ωx, ωy, ωz 0.2 1"],
-    "satellite --inertia 6,0.5,-0.4,4,0.3,7 --bandwidth 0.2": [
-        "Lee 2010, Bullo–Murray ωx, ωy, ωz 0.2 1"
-    ],
-    "quadrotor --mass 0.5 --inertia 4e-3,-1e-3,0,4e-3,0,7e-3 --bandwidth 10": [
-        "cascade ωx, ωy, ωz 10 1",
-        "cascade x, y, z 2 1",
-    ],
-    "auv --mass 11.5 --inertia 0.16,0.16,0.2 --bandwidth 1.5": [
-        "EqT, GT ωx, ωy, ωz, vx, vy, vz 1.5 1"
-    ],
-    "boat --mass 80 --inertia 20 --bandwidth 0.5": ["EqT, GT ω, vx, vy 0.5 1"],
-}
-
-
-def checked(out):
-    """The first lines of what a check prints, the rows of the table, and the lines below it."""
-    first, table, *last = out.split("\n\n")
-    header, _, *rows = (" ".join(line.split()) for line in table.splitlines())
-    assert header == "law axis bandwidth, rad/s damping"
-    return first.splitlines(), rows, [line for text in last for line in text.splitlines()]
-
-
-BRIEF = [f"{' '.join(vehicle.split()[::2])[:40]}" for vehicle in VEHICLES]
-
-
-@pytest.mark.needs("proofs")
-@pytest.mark.parametrize(
-    ("vehicle", "gains"),
-    [in_ci("another one is fast", *case, unless="4e-3" in case[0]) for case in VEHICLES.items()],
-    ids=BRIEF,
-)
-def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
-    """Bandwidth and damping of each axis, from the linearised loop."""
-    eqt("config", "new", "mine.yaml", "--vehicle", *vehicle.split())
-    done = eqt("config", "check", "mine.yaml")
-    assert (done.code, done.err) == (0, "")
-    first, rows, [poles] = checked(done.out)
-    assert first[0] == "✓ mine.yaml: valid"
-    assert (rows, poles.endswith(" at all times")) == (gains, True)  # also where a slew ends
-
-
-@from_yaml
-def test_a_vehicle_refuses(refused, folder, arguments, said):
-    assert says(refused("config", "new", "mine.yaml", *arguments.split()), f"{said}\n")
-    assert not (folder / "mine.yaml").exists()
-
-
 def test_a_shipped_configuration_by_its_name(eqt, refused, folder):
     done = eqt("config", "check", "so2")
     assert done.out.splitlines()[1].startswith("so2: SO2, 2 controllers")
@@ -120,6 +67,14 @@ def test_a_shipped_configuration_by_its_name(eqt, refused, folder):
 
 
 # check ------------------------------------------------------------------------------------------
+
+
+def checked(out):
+    """The first lines of what a check prints, the rows of the table, and the lines below it."""
+    first, table, *last = out.split("\n\n")
+    header, _, *rows = (" ".join(line.split()) for line in table.splitlines())
+    assert header == "law axis bandwidth, rad/s damping"
+    return first.splitlines(), rows, [line for text in last for line in text.splitlines()]
 
 
 def test_runs_that_are_one_run_are_refused_on_the_reference_and_remarked_beside_it(eqt):

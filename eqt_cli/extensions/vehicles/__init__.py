@@ -1,4 +1,4 @@
-"""Vehicles from files: SDF, URDF, xacro and MJCF become configurations."""
+"""Vehicles: from numbers, or an SDF, URDF, xacro or MJCF file, to a first configuration."""
 
 from eqt_cli.base import purposes
 from eqt_cli.base.extensions import Extension
@@ -6,4 +6,5 @@ from eqt_cli.base.extensions import Extension
 
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
-    extension.add_function(purposes.vehicle_file, "vehicle_file.configuration_of")
+    place = "first_file.configuration_of_a_vehicle"
+    extension.add_function(purposes.configuration_of_a_vehicle, place)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.vehicles.bodies import Vehicle
 from eqt_cli.extensions.vehicles.configuration import configuration
@@ -14,7 +13,6 @@ from eqt_cli.extensions.vehicles.plugins import equipped
 from eqt_cli.extensions.vehicles.request import Request
 
 
-@purposes.vehicle_file
 def configuration_of(path: Path, **options: Any) -> tuple[str, list[str]]:
     """Return a configuration as text, and lines on the vehicle.
 
