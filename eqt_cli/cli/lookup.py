@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,8 +23,6 @@ from eqt_cli.config import shipped
 
 if TYPE_CHECKING:
     from rich.text import Text
-
-    from eqt_cli.config.experiment import Experiment
 
 
 # `eqt list`: the available components ------------------------------------------------------------
@@ -314,7 +311,7 @@ def check(
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
     if exact := exactly_measured(experiment.group, experiment.loop.vehicle):
         needed += [f"measured without errors: {exact}"]
-    said = [*_skipped_ticks(experiment), *needed, *(f"reference: {x}" for x in jumps), *untried]
+    said = [*needed, *(f"reference: {x}" for x in jumps), *untried]
     # What the numbers of an experiment mean: each function yields tables and lines.
     meanings = functions_for(purposes.meaning_of_an_experiment)
     meant = [piece for meaning in meanings for piece in meaning(experiment, shown)]
@@ -333,23 +330,6 @@ def check(
     print_findings(answer, text, *meant, *said, json=json)
     for remark in remarks(experiment, shown):
         output.warn(remark)
-
-
-def _skipped_ticks(experiment: Experiment) -> Iterator[str]:
-    """Say which values of the command that the loop holds lie between two samples."""
-    from eqt_cli.loop.signals import holds
-    from eqt_cli.numbers.running import changes_missed
-
-    time, store = experiment.config.time, experiment.config.store
-    for period in list(holds(experiment.loop.vehicle).values())[:1]:
-        if missed := int(changes_missed(experiment.times, period).max(initial=0.0)):
-            ticks = round(time.duration / period)
-            decimate = store.decimate * ticks // max(time.samples - 1, 1)
-            yield (
-                f"samples skip up to {missed} of {missed + 1} values of the held command, so "
-                "means, efforts and shares at limits are estimates; exact: time.samples "
-                f"{ticks + 1}, store.decimate {decimate}"
-            )
 
 
 @app.command("keys", cls=Command, epilog=example("eqt config keys", "gains.kp"))

@@ -7,3 +7,4 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function(purposes.errors_of_a_result, "row_errors.row_errors")
+    extension.add_function(purposes.meaning_of_an_experiment, "skipped_ticks.skipped_ticks")
