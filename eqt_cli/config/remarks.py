@@ -36,7 +36,8 @@ from eqt_cli.engines.engine import Engine, Problem, Work
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.loop.linearised import Along, Linearised, flow, growth, left_out, linearised, size_of
+from eqt_cli.loop.growth import Along, growth, left_out, size_of
+from eqt_cli.loop.linearised import Linearised, flow, linearised
 from eqt_cli.loop.small_errors import along
 
 # Remarks on an experiment -------------------------------------------------------------------------

@@ -8,7 +8,8 @@ import numpy as np
 from eqt_cli.extend import Hypothesis, Row, Setting, TrajectoryCheck, Verdict
 from eqt_cli.extensions.designed_laws.rejection import DISTURBANCE, Rejecting
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.loop.linearised import growth, linearised
+from eqt_cli.loop.growth import growth
+from eqt_cli.loop.linearised import linearised
 
 PUSHED = 0.01
 """Error of the pose, rad or m, that the disturbance would give a law that does not reject it."""

@@ -26,19 +26,8 @@ from eqt_cli.engines.horizon import check_reference
 from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and_start, rates_of
 from eqt_cli.extensions.proofs.scaled import FACTOR_STEP, LARGEST_FACTOR, ScaledLoop, multiplied
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.loop.linearised import (
-    AT_REST,
-    DERIVATIVE,
-    MOST_STATES,
-    Along,
-    Growth,
-    Linearised,
-    growth,
-    left_out,
-    linearised,
-    off_limits,
-    size_of,
-)
+from eqt_cli.loop.growth import DERIVATIVE, Along, Growth, growth, left_out, size_of
+from eqt_cli.loop.linearised import AT_REST, MOST_STATES, Linearised, linearised, off_limits
 
 PER_DECADE = 60
 """Frequencies per decade at which the gain is evaluated, besides those near poles."""

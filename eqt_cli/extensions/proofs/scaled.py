@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.loop.linearised import DERIVATIVE, Linearised, growth_rates
+from eqt_cli.loop.growth import DERIVATIVE, growth_rates
+from eqt_cli.loop.linearised import Linearised
 
 PATHS = {
     "kp": ("gains.K",),

@@ -32,7 +32,8 @@ from eqt_cli.extensions.proofs import certificates
 from eqt_cli.extensions.proofs.run_checks import StepsEndAtTimes, window_times
 from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
 from eqt_cli.loop.bounds import bounds_of
-from eqt_cli.loop.linearised import Along, growth, linearised
+from eqt_cli.loop.growth import Along, growth
+from eqt_cli.loop.linearised import linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
 from eqt_cli.runs.batches import Batch, batches

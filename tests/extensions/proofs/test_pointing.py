@@ -15,7 +15,8 @@ from eqt_cli.components.tasks import TRACK, Point
 from eqt_cli.extend import EqtError, Native, Status, group_named
 from eqt_cli.extensions.proofs.certificates import Verdict
 from eqt_cli.extensions.proofs.verification import verify_experiment
-from eqt_cli.loop.linearised import growth, linearised
+from eqt_cli.loop.growth import growth
+from eqt_cli.loop.linearised import linearised
 from eqt_cli.results.result import open_result
 from eqt_cli.results.summary import compared_first, headlines
 
