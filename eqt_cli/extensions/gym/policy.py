@@ -21,7 +21,7 @@ from eqt_cli.extensions.gym.judging import seeds_of_training
 from eqt_cli.extensions.gym.rewards import plain
 from eqt_cli.extensions.gym.stepping import Episodes
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
-from eqt_cli.extensions.network.reader import TRAINED
+from eqt_cli.extensions.network.onnx_files import TRAINED
 from eqt_cli.runs.batches import batches
 
 APART = 1e-9

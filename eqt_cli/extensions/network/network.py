@@ -42,7 +42,7 @@ from eqt_cli.components.laws import (
 from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.network.reader import ENTRIES, LETTERS, Built, network_of, table
+from eqt_cli.extensions.network.steps import ENTRIES, LETTERS, Built, network_of, table
 from eqt_cli.numbers.c_headers import PRELUDE, headers, needed
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -458,7 +458,8 @@ def compared(path):
 
     from eqt_cli.base.errors import InputError
     from eqt_cli.extensions.network.network import Emitted, bare_source, call, function_of
-    from eqt_cli.extensions.network.reader import network_of, network_text
+    from eqt_cli.extensions.network.reader import network_text
+    from eqt_cli.extensions.network.steps import network_of
 
     session = onnxruntime.InferenceSession(str(path))
     inputs, outputs = session.get_inputs(), [each.name for each in session.get_outputs()]

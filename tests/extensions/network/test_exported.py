@@ -7,7 +7,8 @@ from said import error_of
 
 from eqt_cli.base.errors import EqtWarning, InputError
 from eqt_cli.extensions.network.network import Emitted, bare_source, call, function_of
-from eqt_cli.extensions.network.reader import network_of, network_text
+from eqt_cli.extensions.network.reader import network_text
+from eqt_cli.extensions.network.steps import network_of
 
 onnx = pytest.importorskip("onnx", reason="needs the extra network")
 FLOAT, HALF, BOOL = (getattr(onnx.TensorProto, kind) for kind in ("FLOAT", "FLOAT16", "BOOL"))

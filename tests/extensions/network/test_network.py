@@ -15,7 +15,8 @@ from eqt_cli.base.errors import InputError
 from eqt_cli.engines import native
 from eqt_cli.extend import Integrator
 from eqt_cli.extensions.network.network import Emitted, bare_source, call, function_of
-from eqt_cli.extensions.network.reader import network_of, network_text
+from eqt_cli.extensions.network.reader import network_text
+from eqt_cli.extensions.network.steps import network_of
 
 onnx = pytest.importorskip("onnx", reason="needs the extra network")
 FLOAT = onnx.TensorProto.FLOAT
