@@ -191,10 +191,10 @@ def _finding(
         within = f"less than {100 * comparison.negligible:g} %"
         is_close = max(abs(_rank(pair)) for pair in first.values()) < comparison.negligible
         smallest = described[leader] if _rank(first[leader]) < 0 else against
-        close, leads = f"the laws' {name} differs by {within}", f"the {least.lower()} {name}"
-        seen = close if is_close else f"{leads}: {smallest}"
-        words = "Nothing else is decided" if alike else "Nothing is decided"
-        sentences.insert(0, f"{words} with {runs_each(comparison)}; {seen}.")
+        seen = f"the laws differ by {within}" if is_close else f"the {least.lower()}: {smallest}"
+        words = "No other difference" if alike else "No difference"
+        words += f" in {name} is decided with {runs_each(comparison)}"
+        sentences.insert(0, f"{words}; {seen}.")
         if is_close:
             return sentences
     elif undecided:
