@@ -60,8 +60,20 @@ MOST_DRAWN = 10
 MOST_STEPS = 20_000
 """Most steps of a run in a page, unless the configured runs take a tenth of it."""
 
-SIGNALS = {"velocity_error": "velocity error", "lyapunov": "Lyapunov function"}
+SIGNALS = "velocity_error", "lyapunov"
 """Signals that a page draws beside the errors of poses and torques, where all laws have them."""
+
+MEANINGS = {
+    "pose_error": "how far Q_E = Q Q_d⁻¹, the pose relative to its reference, is from the identity",
+    "velocity_error": "how far the velocity is from that of the reference",
+    "torque_norm": "size of the torque",
+    "lyapunov": "Lyapunov function: energy of the errors of pose and velocity",
+    "mean_attitude_error": "angle between the attitude and its reference, mean over the horizon",
+}
+"""What curves and columns show, where the description in a result is shorter."""
+
+LETTERS = {"||": "‖", "_F": "", "^2": "²", " - ": " − ", "tau": "τ", "pd": "p_d", "Vd": "V_d"}
+"""Letters for what descriptions in results spell."""
 
 
 def runs_of(study: Study) -> int:
@@ -340,7 +352,10 @@ class LivePage:
             terms["settled"] = f"{symbol} ends below the settling threshold, {threshold}"
         for column in summary.columns(result, [*self.panels, *self.shown[len(self.settles) :]]):
             name = column["metric"]
-            terms[column["name"]] = SIGNALS.get(name) or result.quantity(name).long_name
+            meaning = result.quantity(name).long_name
+            for spelt, letters in LETTERS.items():
+                meaning = meaning.replace(spelt, letters)
+            terms[column["name"]] = MEANINGS.get(name, meaning)
         return terms
 
 
