@@ -278,7 +278,6 @@ class LivePage:
             title=title or summary.called(result),
             group=result.group_name,
             digest=self.study.digest[:12],
-            laws=summary.laws(result),
             terms=self._terms(result),
             paper=str(result.attributes.get("references", "")),
             configuration="",
@@ -337,7 +336,8 @@ class LivePage:
             "scene": _scene(result, self.study.base.group),
         }
         worker = (TEMPLATES / "compute.js").read_text(encoding="utf-8")
-        return {"data": data, "worker": worker, "tables": _expected(tables, data)}
+        laws = summary.laws(result)
+        return {"data": data, "worker": worker, "tables": _expected(tables, data), "laws": laws}
 
     def _unit(self, slider: Slider) -> str:
         """Return the unit of a slider: as it is written, or that of its key."""

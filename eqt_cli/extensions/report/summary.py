@@ -193,6 +193,9 @@ _WHOLE = 1e9
 MOST_VALUES = 12
 """Maximum length of a list that is written out; the lines of a search have hundreds."""
 
+_ASIDE = re.compile(r"(, on every group)?[;:] .*| \(the paper.*|(, on every group)?\.$", re.DOTALL)
+"""What follows in the first line on a law: where it holds, and where it stands in the paper."""
+
 PARTS = ("target", "plant", "control", "actuators", "sensors", "estimator")
 """Sections of a configuration that are stated by their keys."""
 
@@ -204,9 +207,10 @@ def laws(result: Result) -> list[Document]:
     -------
     list of dict
         ``title`` in figures, ``label`` in tables, and ``kind`` in the configuration; ``says``, the
-        first line of its documentation, empty for a law of a plugin; of a member of the family the
-        ``weights`` (g, c, n, q) and the frame of its ``damping``; ``settings``, gains and options
-        of this law alone, as running text.
+        first line of its documentation, empty for a law of a plugin, and ``short``, the part of it
+        that says what the title stands for; of a member of the family the ``weights`` (g, c, n, q)
+        and the frame of its ``damping``; ``settings``, gains and options of this law alone, as
+        running text.
     """
     settings = {}
     for entry in result.config.get("controllers") or []:
@@ -218,11 +222,12 @@ def laws(result: Result) -> list[Document]:
     rows = []
     for label, title in result.title_of.items():
         kind = result.kinds[label]
-        row: Document = {"title": title, "label": label, "kind": kind, "says": ""}
+        row: Document = {"title": title, "label": label, "kind": kind, "says": "", "short": ""}
         row |= {"weights": [], "damping": "", "settings": settings.get(label, "")}
         with suppress(ComponentError):  # law of a plugin that is not loaded here
             law = controllers.get(kind)
             row["says"] = summary(law)
+            row["short"] = _ASIDE.sub("", row["says"])
             # Members with body errors have another formula, given in their summary.
             if issubclass(law, Member) and law.error == "spatial":
                 weights = law.gyroscopic, law.transport, law.connection, law.quadratic
