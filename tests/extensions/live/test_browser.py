@@ -241,6 +241,20 @@ def test_blocked_scripts_and_workers_are_told(browser, pages, tmp_path):
     browser.get_log("browser")
 
 
+def test_a_long_label_widens_no_phone(browser, pages, tmp_path):
+    page, long = pages("continuous")[1].read_text(encoding="utf-8"), "kp=1_kd=0.5_" * 10
+    file = tmp_path / "long.html"
+    file.write_text(page.replace(">EqT<", f">{long}<").replace('"EqT"', f'"{long}"'), "utf-8")
+    screen = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    try:
+        page = opened(browser, file)
+        assert long in text(page, "#live-all") and long in text(page, "#live-terms")
+        assert page.execute_script("return document.documentElement.scrollWidth") == 390
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
 def test_a_law_is_hidden(page):
     page.find_element(By.CSS_SELECTOR, "#live-all input").click()
     curve = page.find_element(By.CSS_SELECTOR, "#live-panels path.curve")

@@ -421,6 +421,15 @@ def test_marks_of_intervals_are_borders_which_are_printed(page):
     assert {width for _, width in marks["lines"]} == {"2px"}
 
 
+def test_a_long_label_widens_no_phone(browser, resize, page_of, paper_result, tmp_path):
+    page, long = page_of(paper_result).read_text(encoding="utf-8"), "kp=1_kd=0.5_" * 10
+    page = re.sub(r'(?<=[>" ])EqT(?=[<" ,:])', long, page)
+    (tmp_path / "long.html").write_text(page, encoding="utf-8")
+    resize(390, 844)
+    browser.get((tmp_path / "long.html").as_uri())
+    assert browser.execute_script("return document.documentElement.scrollWidth") == 390
+
+
 @pytest.fixture
 def points(browser, page_of, swept_result):
     browser.get(page_of(swept_result).as_uri())

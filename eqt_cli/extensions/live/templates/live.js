@@ -59,6 +59,8 @@
       { class: "swatch", viewBox: "0 0 30 8", "aria-hidden": "true" },
       element("path", { d: "M0 4H30", stroke: law.colour, "stroke-width": 2.5, "stroke-dasharray": dashes(law) }),
     );
+  /** The name of a law, which may be long or run from right to left. @param {Law} law */
+  const named = (law) => html("bdi", { class: "name", title: law.title }, law.title);
   /** The pieces of a name with its indices, as Q_E. @param {string} name @param {(index: string) => Node} below */
   const typeset = (name, below) => name.split(/_(\p{L}+)/u).map((piece, k) => (k % 2 ? below(piece) : piece));
   /** @param {number} x */
@@ -376,7 +378,7 @@
           else hidden.add(k);
           draw();
         });
-        const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), law.title));
+        const head = html("th", { scope: "row" }, html("label", {}, box, swatch(law), named(law)));
         for (const [why, count] of failures) head.append(html("span", { class: "failed" }, `${count} failed: ${why}`));
         if (both.good < Math.max(good, means(base ?? all, k).good))
           head.append(html("span", { class: "failed" }, `changes: of the ${both.good} runs that end either way`));
@@ -552,7 +554,8 @@
               "span",
               { class: "entry" },
               swatch(law),
-              `${law.title}: ${written(course(answer, k, head.metric)(now))}`,
+              named(law),
+              `: ${written(course(answer, k, head.metric)(now))}`,
             ),
           ],
     );
@@ -711,7 +714,7 @@
             "aria-label": `Body under ${law.title} and the desired one; arrow keys turn the view`,
           })
         );
-        $("bodies").append(html("figure", {}, svg, html("figcaption", {}, law.title)));
+        $("bodies").append(html("figure", {}, svg, html("figcaption", {}, named(law))));
         /** @type {number[] | null} */
         let held = null;
         svg.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {

@@ -241,7 +241,7 @@
       const i = Math.round(share * (perRun - 1));
       const lines = [];
       for (const [look, values] of svg.drawn) {
-        lines.push(`${look.title} ${shown(values[i])}`);
+        lines.push(`${look.title.replace(/^(.{23}).{2,}/u, "$1…")} ${shown(values[i])}`);
         if (!Number.isFinite(values[i]) || (axes.log && values[i] <= 0)) continue;
         const place = { cx: axes.x(data.times[i]), cy: axes.y(values[i]), r: 3.2 };
         svg.append(element("circle", { class: "cursor", ...place, fill: look.colour }));
@@ -319,7 +319,7 @@
     data.controllers.forEach((look, c) => {
       const box = element("input", { type: "checkbox", checked: "", value: c });
       box.addEventListener("change", () => { visible[c] = box.checked; redraw(); });
-      $("shown").append(element("label", {}, box, " ", swatch(look), look.title));
+      $("shown").append(element("label", {}, box, " ", swatch(look), element("bdi", {}, look.title)));
     });
     for (const form of ["pick", "extremes"]) $(form).addEventListener("submit", (event) => event.preventDefault());
     for (const button of document.querySelectorAll("[data-rank]")) button.addEventListener("click", () => goTo(button.dataset.rank));
@@ -417,7 +417,8 @@
       const [controller, run, status, ...numbers] = row;
       const message = table.messages[`${controller}-${run}`];
       const made = element("tr", status === "ok" ? {} : { class: "failed" });
-      made.append(element("th", { scope: "row" }, table.controllers[controller]));
+      const title = table.controllers[controller];
+      made.append(element("th", { scope: "row", class: title.length > 40 ? "long" : "" }, title));
       made.append(element("td", { class: "number" }, runLink(run)));
       made.append(element("td", { class: "status" }, message ? `${status}: ${message}` : status));
       numbers.forEach((value, c) => {
