@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 Answer: TypeAlias = "tuple[dict[str, Any], list[dict[str, Any]], list[core.TextTable], list[str]]"
 """A document, rows, tables and remarks."""
 
+Group: TypeAlias = "core.MatrixLieGroup"
+
+Names: TypeAlias = "Sequence[str]"
+
 # Configurations and experiments -------------------------------------------------------------------
 
 
@@ -31,7 +35,7 @@ def extends(document: core.Document) -> core.Document:
 
 @one("rules of a sweep")
 def rules_of_a_sweep(
-    entries: Mapping[Any, Mapping[str, Any]], swept: Sequence[str], problems: core.Problems
+    entries: Mapping[Any, Mapping[str, Any]], swept: Names, problems: core.Problems
 ) -> Any:
     """Return what follows from swept keys by `set` and `without`; `eqt sweep`, `tune`."""
 
@@ -44,29 +48,27 @@ def text_of_a_recording(
 
 
 @one("initial.file")
-def initial_file(text: str, name: str, G: core.MatrixLieGroup, mapping: Any) -> Any:
+def initial_file(text: str, name: str, G: Group, mapping: Any) -> Any:
     """Return the starts in a file: poses, velocities and notes; `initial.file`."""
 
 
 @one("log in a file")
-def log_in_a_file(component: Any, G: core.MatrixLieGroup) -> Any:
+def log_in_a_file(component: Any, G: Group) -> Any:
     """Return the log in the file of a component; references and laws that read a file."""
 
 
 @one("reference.smoothing")
-def reference_smoothing(reference: core.WaypointsReference, G: core.MatrixLieGroup) -> Any:
+def reference_smoothing(reference: core.WaypointsReference, G: Group) -> Any:
     """Return waypoints on a smooth motion; `reference.smoothing`."""
 
 
 @every
-def proposed_smoothing(G: core.MatrixLieGroup, times: core.Array, poses: core.Array) -> str:
+def proposed_smoothing(G: Group, times: core.Array, poses: core.Array) -> str:
     """Return the option `smoothing` that the noise of a recording needs, or ""; remarks."""
 
 
 @every
-def remarks_on_waypoints(
-    reference: core.WaypointsReference, G: core.MatrixLieGroup
-) -> Iterator[str]:
+def remarks_on_waypoints(reference: core.WaypointsReference, G: Group) -> Iterator[str]:
     """Yield the oddities of the file of waypoints; `eqt config check`, `eqt run`."""
 
 
@@ -96,12 +98,7 @@ def draws(document: core.Document, problems: core.Problems, take: Any) -> dict[s
 
 @one("draws of initial states")
 def starts_of_draws(
-    start: Any,
-    config: Any,
-    document: core.Document,
-    problems: core.Problems,
-    take: Any,
-    G: core.MatrixLieGroup,
+    start: Any, config: Any, document: core.Document, problems: core.Problems, take: Any, G: Group
 ) -> Any:
     """Return the starts of runs, with the names and the table of `draws`."""
 
@@ -157,27 +154,30 @@ def remarks_on_a_result(result: core.ResultFile) -> Iterable[str]:
 
 
 @every
+def laws_that_runs_flatter(document: core.Document, which: str) -> Iterable[str]:
+    """Yield a sentence on each law trained on the runs of a document; `tune`, `worst`, `suite`."""
+
+
+@every
+def seeds_of_judges(document: core.Document) -> Iterable[tuple[str, int]]:
+    """Yield keys and seeds of further runs that judge the laws of a document; `gym.make`."""
+
+
+@every
 def conclusion_of_a_result(result: core.Result) -> core.Conclusion | None:
     """Return tables, default figures and laws to compare, or None; `show`, `compare`, `report`."""
 
 
 @every
 def answer_of_compare(
-    result: core.Result,
-    how: core.Resampling,
-    write: core.Plain,
-    metrics: Sequence[str],
-    laws: Sequence[str],
+    result: core.Result, how: core.Resampling, write: core.Plain, metrics: Names, laws: Names
 ) -> tuple[dict[str, Any], list[dict[str, Any]], list[core.TextTable]] | None:
     """Return document, rows and tables in place of the usual ones, or None; `eqt compare`."""
 
 
 @one("compare --fail-on")
 def compare_fail_on(
-    fail_on: Sequence[str],
-    baseline: core.Result,
-    candidate: core.Result,
-    windows: Sequence[core.Window],
+    fail_on: Names, baseline: core.Result, candidate: core.Result, windows: Sequence[core.Window]
 ) -> Callable[[Any, Mapping[str, str]], list[Any]]:
     """Return what says whether each rule holds in a comparison; `eqt compare --fail-on`."""
 
@@ -187,8 +187,8 @@ def compare_pooled(
     result: core.Result,
     how: core.Resampling,
     write: core.Plain,
-    metrics: Sequence[str],
-    laws: Sequence[str],
+    metrics: Names,
+    laws: Names,
     negligible: float,
 ) -> Answer:
     """Return the findings over all points of a sweep; `eqt compare --pooled`."""
@@ -202,9 +202,9 @@ def compare_measured(
     *,
     format: str,
     run: int,
-    controllers: Sequence[str],
+    controllers: Names,
     point: int | None,
-    units: Sequence[str],
+    units: Names,
 ) -> Sequence[Any]:
     """Return what runs explain of a recording, by law; `eqt compare --measured`."""
 
@@ -217,7 +217,7 @@ def findings_on_a_recording(
 
 
 @one("plot --measured")
-def plot_measured(path: Any, G: core.MatrixLieGroup, mapping: Any, format: str) -> Any:
+def plot_measured(path: Any, G: Group, mapping: Any, format: str) -> Any:
     """Return a recording that stands beside a run; `eqt plot --measured`."""
 
 
@@ -234,12 +234,12 @@ def figure_certified(swept: Any, angle: float) -> Iterable[str]:
 
 
 @one("show --run")
-def show_run(result: core.Result, run: int, names: Sequence[str], *, json: bool) -> None:
+def show_run(result: core.Result, run: int, names: Names, *, json: bool) -> None:
     """Print how a run ended under each law; `eqt show --run`."""
 
 
 @one("show --failures")
-def show_failures(result: core.Result, names: Sequence[str], *, json: bool) -> None:
+def show_failures(result: core.Result, names: Names, *, json: bool) -> None:
     """Print where laws fail; `eqt show --failures`."""
 
 
@@ -303,7 +303,7 @@ def verify_plant(
 
 
 @one("--adapter")
-def adapter_of_code(file: Path, G: core.MatrixLieGroup) -> Any:
+def adapter_of_code(file: Path, G: Group) -> Any:
     """Return names, frames and units in which code has what a law reads; `export --adapter`."""
 
 

@@ -10,6 +10,7 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.need("network")
     extension.add_function(purposes.conclusion_of_a_result, "judging.conclude")
+    extension.add_function(purposes.laws_that_runs_flatter, "judging.flattered_by")
     extension.add_function(purposes.remarks_on_an_experiment, "judging.remarks")
 
 

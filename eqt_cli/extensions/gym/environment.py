@@ -12,15 +12,17 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.api.loading import Configuration, document_from
-from eqt_cli.base import yaml_source
+from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.version import __version__
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.native import Native, programs
 from eqt_cli.extensions.gym import policy
+from eqt_cli.extensions.gym.judging import seed_of_training
 from eqt_cli.extensions.gym.rewards import (
     Evaluated,
     Function,
@@ -96,8 +98,8 @@ def make(
         Number of environments. Each call costs some tenths of a millisecond, so that fewer than 64
         are slow.
     seed
-        Seed of all that is drawn in training. Default: ``ensemble.seed`` of the experiment plus 1,
-        because the experiment is to judge the policy by other runs.
+        Seed of all that is drawn in training. Default: the first one behind ``ensemble.seed`` that
+        judges no law, because the experiment is to judge the policy by other runs.
     reward
         A stored metric by name, which counts negatively, or a function of a `Step`. Default:
         ``tune.objective`` of the configuration, or mean_pose_error.
@@ -149,14 +151,11 @@ def make(
         config,
         {f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()},
     )
-    document, label, judged = _for_training(document, controller)
-    if seed is None:
-        seed = judged + 1
-    if seed == judged:
-        raise EqtError(
-            f"seed: {seed} is ensemble.seed, by whose runs the experiment judges; train by "
-            "another one, or leave it out"
-        )
+    document, label = _for_training(document, controller)
+    judges = {"ensemble.seed": int((document.data.get("ensemble") or {}).get("seed", 0))}
+    for further in functions_for(purposes.seeds_of_judges):
+        judges.update(further(document))
+    seed = seed_of_training(judges, seed)
     for name, count in (("num_envs", num_envs), ("episodes", episodes)):
         _whole(count, name)
     is_number = isinstance(penalty, int | float | np.number) and not isinstance(penalty, bool)
@@ -217,8 +216,8 @@ def _path(path: Any) -> Path:
     return Path(path)
 
 
-def _for_training(document: Document, controller: str | None) -> tuple[Document, str, int]:
-    """Return an experiment of its network alone, without a file, and its label and its seed."""
+def _for_training(document: Document, controller: str | None) -> tuple[Document, str]:
+    """Return an experiment of its network alone, without a file, and its label."""
     data, name = document.data, document.path
     laws = [law for law in data.get("controllers") or [] if isinstance(law, dict)]
     laws = [law for law in laws if law.get("kind") == KIND]
@@ -255,8 +254,7 @@ def _for_training(document: Document, controller: str | None) -> tuple[Document,
     solver["engine"] = "native"
     changed = data | {"controllers": [law], "solver": solver}
     home = replace(document.home, files={**document.home.files, law["file"]: UNTRAINED})
-    seed = (data.get("ensemble") or {}).get("seed", 0)
-    return replace(document, data=changed, home=home), law["label"], int(seed)
+    return replace(document, data=changed, home=home), law["label"]
 
 
 def problem_of(experiment: Study, label: str, runs: int) -> Problem:
@@ -299,6 +297,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         Its label.
     training_seed
         Seed of all that is drawn.
+    episodes
+        Number of runs that episodes are taken from.
     runs : (num_envs,)
         The run of the experiment that each environment is.
     """
@@ -321,6 +321,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.study, self.label, self.num_envs = experiment, label, num_envs
         self.metadata = {"autoreset_mode": mode, "render_modes": []}
         self.training_seed = experiment.base.config.ensemble.seed
+        self.episodes = len(episodes.states)
         self._penalty, self._stagger = penalty, stagger
         problem = problem_of(experiment, label, 1)
         engine = experiment.base.engine

@@ -17,7 +17,7 @@ from eqt_cli.base.files import refusals, replace_file
 from eqt_cli.base.registry import described
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
-from eqt_cli.extensions.gym.judging import seeds_of_training
+from eqt_cli.extensions.gym import judging
 from eqt_cli.extensions.gym.rewards import plain
 from eqt_cli.extensions.gym.stepping import Episodes
 from eqt_cli.extensions.network.network import Network, bare_source, call, emitted, function_of
@@ -135,23 +135,26 @@ def record(environment: Any, path: Path) -> dict[str, Any]:
         model = onnx.load(path, load_external_data=False)
     except Exception as error:
         raise EqtError(f"{path}: cannot be read as ONNX: {error}") from error
-    about = environment.training
-    seeds = sorted({about["seed"], *_recorded_seeds(model)})
+    about, earlier = environment.training, _recorded(model)
+    seeds = sorted({about["seed"], *judging.seeds_of_training(earlier)})
     about["seeds"] = ", ".join(map(str, seeds))
+    marks = judging.starts_of(environment.study, environment.label, environment.episodes)
+    marks |= judging.from_text(earlier.get("starts", ""))
     others = [entry for entry in model.metadata_props if entry.key != TRAINED]
     del model.metadata_props[:]
     model.metadata_props.extend(others)
     entry = model.metadata_props.add()
-    entry.key, entry.value = TRAINED, json.dumps(about)
+    entry.key, entry.value = TRAINED, json.dumps(about | {"starts": judging.as_text(marks)})
     with refusals(path, "written"):
         replace_file(path, model.SerializeToString())
     return about
 
 
-def _recorded_seeds(model: Any) -> set[int]:
-    """Return the seeds of earlier trainings of a file, which went on with this one."""
+def _recorded(model: Any) -> dict[str, Any]:
+    """Return what a file records of earlier trainings, which went on with this one."""
     for entry in model.metadata_props:
         if entry.key == TRAINED:
-            with suppress(ValueError, TypeError, AttributeError):
-                return seeds_of_training(json.loads(entry.value))
-    return set()
+            with suppress(ValueError, RecursionError):
+                about = json.loads(entry.value)
+                return about if isinstance(about, dict) else {}
+    return {}

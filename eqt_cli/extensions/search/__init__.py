@@ -16,4 +16,5 @@ def register(extension: Extension) -> None:
         extension.add_function(purposes.conclusion_of_a_result, conclude, beside=record)
     answer = "comparison.answer"
     extension.add_function(purposes.answer_of_compare, answer, beside="tuning.json")
+    extension.add_function(purposes.seeds_of_judges, "sections.seeds_of_judges")
     extension.add_function(purposes.check_of_a_configuration, "sections.check")

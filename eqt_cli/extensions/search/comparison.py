@@ -13,6 +13,7 @@ from eqt_cli.extensions.search import ratios
 from eqt_cli.extensions.search.fronts import at_equal_cost, equal_cost_table, fronts, held_out
 from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.extensions.search.tables import is_sampled
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import check_metrics, not_shared
@@ -28,6 +29,7 @@ def answer(
     record = TUNE.beside(result)
     if record is None:
         return None
+    conclusion_of(result).compared(result)  # which may refuse
     whole = held_out(result, record)
     if is_sampled(record):
         return _of_samples(whole, record, how, write, metrics, laws)

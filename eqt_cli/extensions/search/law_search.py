@@ -12,7 +12,7 @@ from typing import Any
 
 from eqt_cli.base import errors, files, purposes
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, Problems, Remedy
-from eqt_cli.base.extensions import function_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.components.laws import gains_group
 from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
@@ -26,6 +26,17 @@ from eqt_cli.extensions.search.record import Kind
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities
 from eqt_cli.runs.part_files import MANIFEST
+
+
+def refuse_runs_of_training(
+    base: Experiment, problems: Problems, key: str, ensemble: Mapping[str, int]
+) -> None:
+    """Note laws that were trained on the runs that a search judges them by."""
+    data = without_search(base.document.data) | {"ensemble": dict(ensemble)}
+    for sentences in functions_for(purposes.laws_that_runs_flatter):
+        for said in sentences(replace(base.document, data=data), f"those of {key}"):
+            problems.add(f"{said}; take other runs, as --set {key}={ensemble['seed'] + 1000}")
+
 
 # The search for one law: its experiment and the ranges of the varied keys -------------------------
 

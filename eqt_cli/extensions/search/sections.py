@@ -1,4 +1,6 @@
-"""The check of the sections for searches; it loads no search for a configuration without one."""
+"""What sections for searches say; it loads no search for a configuration without one."""
+
+from collections.abc import Iterator
 
 from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtWarning
@@ -20,3 +22,18 @@ def check(document: Document) -> None:
         from eqt_cli.extensions.search.worst import WorstSearch
 
         WorstSearch.read(document).remark_on_ends()
+
+
+@purposes.seeds_of_judges
+def seeds_of_judges(document: Document) -> Iterator[tuple[str, int]]:
+    """Yield the seed of the held-out runs of a tuning."""
+    if tune := document.data.get("tune"):
+        from eqt_cli.base.errors import Problems
+        from eqt_cli.base.option_types import validated
+        from eqt_cli.extensions.search.keys import TuneSection
+        from eqt_cli.extensions.search.tune import confirming_seed
+
+        section = validated(TuneSection, tune, Problems())
+        first = (document.data.get("ensemble") or {}).get("seed", 0)
+        if section is not None:
+            yield "tune.confirm.seed", confirming_seed(section, first)

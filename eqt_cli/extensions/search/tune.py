@@ -232,8 +232,8 @@ class Search(Searches[TuneSection]):
         ]
         starts = [_entry(law.document.data, started(law)) for law in self.laws if law.axes]
         data = self.base.document.data
-        runs, seed = self.section.confirm.runs, self.section.confirm.seed
-        seed = self.base.config.ensemble.seed + max(1, len(self.samples)) if seed is None else seed
+        runs = self.section.confirm.runs
+        seed = confirming_seed(self.section, self.base.config.ensemble.seed)
         ensemble = {"runs": runs, "seed": seed}
         store = dict(data.get("store") or {})
         few = "none" if self.seeks_front else min(MOST_TRAJECTORIES, runs)
@@ -344,6 +344,9 @@ class Search(Searches[TuneSection]):
         if not prover:
             _check_bounds(section, problems)
         first, seed = base.config.ensemble.seed, section.confirm.seed
+        held_out = {"runs": section.confirm.runs, "seed": confirming_seed(section, first)}
+        here = problems.at("confirm", "seed")
+        law_search.refuse_runs_of_training(base, here, "tune.confirm.seed", held_out)
         last = first if prover or section.objectives else first + section.samples - 1
         if seed is not None and first <= seed <= last:
             trained = (
@@ -353,6 +356,12 @@ class Search(Searches[TuneSection]):
                 f"expected a seed other than {trained}, got {seed}; held-out runs must differ from "
                 "the runs of the search"
             )
+
+
+def confirming_seed(section: TuneSection, first: int) -> int:
+    """Return the seed of the held-out runs: by default the first one after the samples."""
+    samples = 1 if prover_of(section) else section.samples
+    return first + samples if section.confirm.seed is None else section.confirm.seed
 
 
 FAILED = "failed"

@@ -227,6 +227,9 @@ class WorstSearch(Searches[WorstSection]):
 
     @classmethod
     def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
+        ensemble = base.config.ensemble
+        runs = {"runs": ensemble.runs, "seed": ensemble.seed}
+        law_search.refuse_runs_of_training(base, problems, "ensemble.seed", runs)
         with problems.catching("objective"):
             law_search.require_metric(section.objective, base)
             if quantity_of(section.objective).better == "neither":

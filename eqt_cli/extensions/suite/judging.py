@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.api.running import choose_executor
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import ConfigError
+from eqt_cli.base.errors import ConfigError, EqtError
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import RUNS_DONE, step, working_for
 from eqt_cli.config.document import Document, expanded
 from eqt_cli.config.study import Study, study
@@ -229,6 +231,7 @@ def held_out(
         "store": {"trajectories": "none"},
     }
     swept, (cost, _) = study(replace(document, data=data)), task.cost
+    _refuse_runs_of_training(swept, task)
     executor: Executor = choose_executor(swept, workers)
     with working_for(f"held-out runs of {task.name}"), step(RUNS_DONE, swept.plans.total):
         (numbers,) = computed([swept], [section.objective, cost], executor)
@@ -236,6 +239,14 @@ def held_out(
     costs = numbers.counted(cost)[:, 0]
     spent = [row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in costs]
     return errors.astype(np.float32).astype(float), np.array(spent)
+
+
+def _refuse_runs_of_training(judged: Study, task: Task) -> None:
+    """Refuse a law that was trained on the runs that judge it."""
+    for sentences in functions_for(purposes.laws_that_runs_flatter):
+        for said in sentences(judged.document, f"those of {task.name}"):
+            name = task.section.name
+            raise EqtError(f"{said}; train it by another seed, as eqt_cli.gym.make('{name}') does")
 
 
 def fits(law: Law, task: Task) -> str:

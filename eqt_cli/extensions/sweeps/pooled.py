@@ -32,6 +32,7 @@ from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first
@@ -220,6 +221,7 @@ def answer(
     """Return the findings over all points, with remarks, for `eqt compare --pooled`."""
     if not result.is_sweep:
         raise result.error("--pooled is about all points of a sweep, and this is one experiment")
+    conclusion_of(result).compared(result)  # which may refuse
     labels = [result.label_of(name) for name in laws] or list(result.labels)
     if len(labels) < 2:
         raise result.error("--pooled compares laws, and here is one")

@@ -9,8 +9,14 @@ from policies import POLICY, attitude
 from said import error_of, says
 
 import eqt_cli
+from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.base import yaml_source
 from eqt_cli.engines.engine import hurried
 from eqt_cli.extensions.gym.policy import commands_of
+from eqt_cli.extensions.suite.tasks import TASKS
+from eqt_cli.extensions.sweeps.pooled import answer as compare_pooled
+from eqt_cli.results.quantity import Plain
+from eqt_cli.results.result import open_result
 
 pytest.importorskip("gymnasium", reason="needs the extra gym")
 onnx = pytest.importorskip("onnx", reason="needs the extra network")
@@ -238,7 +244,7 @@ def test_a_policy_is_not_judged_by_the_runs_of_its_training(tmp_path):
         assert env.record(path) == about  # once only
         assert about["seeds"] == "2"
         stored = {p.key: p.value for p in onnx.load(path).metadata_props}
-        assert json.loads(stored["eqt_trained"]) == about
+        assert json.loads(stored["eqt_trained"]).keys() == {*about, "starts"}
         config = attitude(controllers=[POLICY | {"file": str(path)}, {"kind": "eqt"}])
         results = {}
         for seed in (env.training_seed, 1):
@@ -266,3 +272,73 @@ def test_a_policy_is_not_judged_by_the_runs_of_its_training(tmp_path):
         with pytest.warns(match="was trained on the runs of seed 2"):
             eqt_cli.run(again, tmp_path / "again")
     assert "was trained on the runs of seed 2" in error_of(eqt_cli.compare, tmp_path / "again")
+
+
+TUNE = {
+    "over": {"gains.kp": {"log": [0.01, 1]}},
+    "objective": "mean_pose_error",
+    "samples": 3,
+    "budget": 3,
+}
+WORST = {"over": {"gains.kp": [0.01, 0.1]}, "objective": "final_pose_error"}
+QUADROTOR = {
+    "observes": ["rotation_error", "rates"],
+    "commands": {"as": "wrench", "scale": [1.5, 1.5, 0.4]},
+}
+
+
+@pytest.mark.ci("runs experiments and a task of the suite")
+def test_no_command_judges_a_policy_by_the_runs_of_its_training(tmp_path):
+    """By the seed of the runs, wherever that is written, or by their starts."""
+    with hurried():
+        env = eqt_cli.gym.make(attitude(), num_envs=1, episodes=8, seed=4)
+        path, _ = random_policy(env, tmp_path / "policy.onnx")
+        env.record(path)
+        laws = [POLICY | {"file": str(path)}, "gt"]
+        config = attitude(controllers=laws, gains={"kp": 0.05, "kd": 0.02})
+
+        def refused(function, name, *, runs=6, seed=1, **changes):
+            changed = config | {"ensemble": {"runs": runs, "seed": seed}} | changes
+            return error_of(function, changed, out=tmp_path / name)
+
+        start = "…'policy' was trained on the runs of seed 4, which are "
+        said = refused(eqt_cli.tune, "a", tune=TUNE)  # whose held-out runs have the seed 1 + 3
+        assert says(said, f"{start}those of tune.confirm.seed, so a comparison would flatter it…")
+        assert refused(eqt_cli.tune, "b", tune=TUNE | {"confirm": {"seed": 4}}) == said
+        assert says(refused(eqt_cli.worst, "c", seed=4, worst=WORST), f"{start}those of ensemble.…")
+        cases = [{"cases": {"one": {"ensemble.seed": 1}, "other": {"ensemble.seed": 4}}}]
+        swept = eqt_cli.run(config | {"sweep": cases}, tmp_path / "cases")
+        for function in (eqt_cli.compare_sweep, pooled):
+            said = error_of(function, swept, ["mean_pose_error"])
+            assert says(said, f"{start}of this result…ensemble.seed=1004")
+        of = config | {"controllers": ["gt"], "ensemble": {"runs": 3, "seed": 4}}
+        eqt_cli.run(of, tmp_path / "starts")
+        other = {"runs": 3, "seed": 77}
+        initial = {"file": str(tmp_path / "starts" / "results.h5")}
+        same = eqt_cli.run(config | {"ensemble": other, "initial": initial}, tmp_path / "same")
+        said = error_of(eqt_cli.compare, same)
+        assert says(said, "…'policy' was trained on 3 of the starts, which are of this result…")
+        further = attitude(controllers=laws[:1], tune=TUNE | {"samples": 1})
+        assert says(error_of(eqt_cli.gym.make, further, seed=2), "seed: 2 is tune.confirm.seed…")
+        env = eqt_cli.gym.make(further, num_envs=1, episodes=1)
+        assert env.training_seed == 3
+        said = error_of(eqt_cli.suite, net(tmp_path, seed=999), ["quad_att"], out=tmp_path / "d")
+        assert says(said, "'net' was trained on the runs of seed 999, which are those of quad_att…")
+
+
+def net(folder, seed):
+    """A network for a task of the suite, which was trained by a seed."""
+    path = TASKS / "quad_att.yaml"
+    task = dict(yaml_source.load(path.read_bytes(), "").data)
+    task |= {"controllers": [{"kind": "network", **QUADROTOR}]}
+    del task["suite"]
+    env = eqt_cli.gym.make(task, num_envs=1, episodes=1, seed=seed)
+    env.record(random_policy(env, folder / "net.onnx")[0])
+    law = folder / "net.yaml"
+    law.write_text(yaml_source.dump({"file": "net.onnx", **QUADROTOR}))
+    return law
+
+
+def pooled(swept, metrics):
+    with open_result(swept) as result:
+        compare_pooled(result, Resampling(), Plain(), metrics, [])
