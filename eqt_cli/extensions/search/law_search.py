@@ -390,7 +390,7 @@ def ends(law: LawSearch) -> Iterator[tuple[str, Experiment]]:
         if law.axes
     }
     for k, key in enumerate(law.order if n > 1 else ()):
-        if VEHICLE in marks_of(key):
+        if VEHICLE in marks_of(entries_of(key)[0]):
             for share, end in ENDS:
                 one = [0.5] * k + [share] + [0.5] * (n - k - 1)
                 shares[f"at the {end} end of {key}, in the middle of the other ranges"] = one
