@@ -148,9 +148,9 @@ class Experiment:
         """Sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
-    def reference_over_horizon(self, also: Iterable[float] = ()) -> Horizon:
-        """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
-        times = distinct([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
+    def reference_over_horizon(self, also: Iterable[float] = (), *, share: float = 1.0) -> Horizon:
+        """Compute Q_d, V_d, V̇_d and τ_d over a share of the horizon, `also` at some times."""
+        times = distinct([*np.linspace(0.0, share * self.times[-1], SAMPLES), *also])
         most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / len(json.dumps(self.resolved))))
         start = self.desired.pose, self.desired.velocity
         return reference_over_horizon(self.loop, start, times, most)

@@ -1,7 +1,7 @@
 """Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
 
 import re
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from math import log
@@ -449,6 +449,9 @@ CERTAIN = 10.0
 """Growth over the horizon, at the least rate of all times, beyond which a loop that changes is
 unstable. Of the shipped loops, which settle, the largest is 1.8 (`quadrotor_lee` without rates)."""
 
+BEGINNING = 0.1
+"""Share of the horizon at whose times a loop is linearised before those of the whole."""
+
 HOPELESS = 1e8
 """The same by the rate where the reference begins, if no more of it is known; shipped: 2e4."""
 
@@ -472,6 +475,11 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     check = "check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
     for key, value in _bare_seconds(experiment.document.data):
         check = f"{key} is {value:g} s: if milliseconds were meant, write '{value:g} ms'"
+
+    @cache  # all laws have one reference; its beginning tells of most loops that they settle
+    def up_to(share: float) -> Along:
+        return along_reference(experiment, experiment.reference_over_horizon(share=share))
+
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
             linear = linearised(loop, *along)
@@ -480,14 +488,8 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
         begins = len(along.times) == 1
         if begins or not linear.is_constant:
             rate = _least_growth(linear)
-            if begins and rate * horizon > log(CERTAIN):
-                whole = along_reference(experiment, experiment.reference_over_horizon())
-                begins = len(whole.times) == 1
-                with np.errstate(all="ignore"):
-                    linear = linearised(loop, *whole)
-                if not np.isfinite(linear.closed).all():
-                    continue
-                rate = _least_growth(linear)
+            if begins:
+                rate, begins = _least_later(loop, rate, log(CERTAIN) / horizon, up_to)
             is_certain = rate * horizon > log(HOPELESS if begins else CERTAIN)
             if is_certain and part(experiment.engine, loop, along, rate, horizon):
                 where = "where the reference begins" if begins else "wherever the reference is held"
@@ -514,6 +516,20 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
             + (f", leaving out {omitted}" if omitted else "")
             + f"; {check}"
         )
+
+
+def _least_later(
+    loop: ClosedLoop, rate: float, least: float, up_to: Callable[[float], Along]
+) -> tuple[float, bool]:
+    """Return the least growth along a reference while it is large, and whether none is known."""
+    begins = True
+    for share in (BEGINNING, 1.0):
+        if rate > least:
+            begins = len(up_to(share).times) == 1
+            with np.errstate(all="ignore"):
+                linear = linearised(loop, *up_to(share))
+            rate = _least_growth(linear) if np.isfinite(linear.closed).all() else -np.inf
+    return rate, begins
 
 
 def part(engine: Engine, loop: ClosedLoop, along: Along, rate: float, horizon: float) -> bool:
