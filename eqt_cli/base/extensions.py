@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -126,12 +126,15 @@ class FunctionPlace(NamedTuple):
         A file: the function is for results in a folder that has it.
     key
         The word by which the function is asked for, of a purpose whose functions differ.
+    about
+        Modules of components: the function has something to say only where one is imported.
     """
 
     purpose: Purpose[..., Any]
     function: str
     beside: str = ""
     key: str = ""
+    about: Sequence[str] = ()
 
 
 class Extension:
@@ -180,11 +183,16 @@ class Extension:
         self.commands[name] = CommandPlace(f"{self.package}.{function}", panel, example, after)
 
     def add_function(
-        self, purpose: Purpose[..., Any], function: str, beside: str = "", key: str = ""
+        self,
+        purpose: Purpose[..., Any],
+        function: str,
+        beside: str = "",
+        key: str = "",
+        about: Sequence[str] = (),
     ) -> None:
         """Name a function for a purpose of `eqt_cli.base.purposes`, as `FunctionPlace` says."""
-        place = FunctionPlace(purpose, f"{self.package}.{function}", beside, key)
-        self.functions.append(place)
+        places = [f"{self.package}.{place}" for place in (function, *about)]
+        self.functions.append(FunctionPlace(purpose, places[0], beside, key, places[1:]))
 
 
 @lru_cache(maxsize=1)
@@ -273,7 +281,8 @@ def functions_for(
     """
     for extension in usable() if among is None else among:
         for place in extension.functions:
-            absent = place.beside and folder and not (folder / place.beside).exists()
+            absent = bool(place.beside and folder and not (folder / place.beside).exists())
+            absent |= bool(place.about) and not {*place.about} & sys.modules.keys()
             if place.purpose is purpose and place.key == key and not absent:
                 yield imported(place.function)
 

@@ -10,4 +10,4 @@ def register(extension: Extension) -> None:
     extension.add_component("metrics", "keep_out_margin", "cones")
     extension.add_component("figures", "keep_out", "figures")
     extension.add_function(purposes.boxes_of_a_diagram, "diagram.boxes")
-    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")
+    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks", about=["cones"])

@@ -7,4 +7,5 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("estimators", "navigation", "navigation")
-    extension.add_function(purposes.remarks_on_an_experiment, "remarks.of_navigation")
+    of_filter = "remarks.of_navigation"
+    extension.add_function(purposes.remarks_on_an_experiment, of_filter, about=["navigation"])

@@ -11,5 +11,7 @@ def register(extension: Extension) -> None:
     extension.add_component("actuators", "magnetorquers", "magnetic")
     extension.add_component("controllers", "b_dot", "magnetic")
     extension.add_component("forces", "gravity_gradient", "gravity")
-    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")
-    extension.add_function(purposes.remarks_on_an_experiment, "running_down.remarks")
+    on_orbits, on_wheels = "remarks.remarks", "running_down.remarks"
+    of_orbits = "gravity", "magnetic"
+    extension.add_function(purposes.remarks_on_an_experiment, on_orbits, about=of_orbits)
+    extension.add_function(purposes.remarks_on_an_experiment, on_wheels, about=["wheels"])

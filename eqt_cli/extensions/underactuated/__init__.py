@@ -8,6 +8,7 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "cascade", "cascade")
     extension.add_component("references", "flat", "flat")
-    extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks")
+    on_rates = "remarks.remarks"
+    extension.add_function(purposes.remarks_on_an_experiment, on_rates, about=["cascade"])
     for name in ("rates of the commanded attitude", "F is not 0"):
         extension.add_component("certificates", name, "certificates")
