@@ -141,8 +141,6 @@ def _replaced(
 def unused(experiment: Experiment) -> Iterator[tuple[KeyPath, str]]:
     """Yield a remark on each name that no formula reads."""
     data = experiment.document.data
-    if data.get("draws") is None:
-        return
     names = names_of(experiment.document, Problems(), lambda *of: of[2]())
     assert names is not None
     texts = [text for key in ALLOWED for _, text in texts_in(data.get(key), names)]

@@ -36,7 +36,6 @@ from eqt_cli.config.remarks import (
 )
 from eqt_cli.engines.horizon import Horizon
 from eqt_cli.extensions.draws.checks import draws_numbers, flat, key_of, option_names_of
-from eqt_cli.extensions.draws.formulas import unused
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import rates_of_runs
 from eqt_cli.numbers.leaves import leaves, with_fields
@@ -136,13 +135,21 @@ def _of_values(experiment: Experiment, shown: Horizon | None, horizon: Horizon |
 @purposes.remarks_on_an_experiment
 def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield what is remarked on the values of some run alone, and names that nothing reads."""
-    yield from unused(experiment)
+    yield from _unused(experiment)
     if not _draws(experiment):
         return
     yield from _of_every_run(experiment, shown)
     there = ends(experiment)
     yield from _at_ends(experiment, shown, there)
     yield from _on_small_errors(experiment, shown, there)
+
+
+def _unused(experiment: Experiment) -> Placed:
+    """Yield a remark on each name that no formula reads."""
+    if experiment.config.draws is not None:
+        from eqt_cli.extensions.draws.formulas import unused
+
+        yield from unused(experiment)
 
 
 def _at_ends(
@@ -239,7 +246,7 @@ def remark_elsewhere(base: Experiment, others: Iterable[tuple[str, Experiment]])
     keys = {key for key, _ in [*value_remarks(base, None), *remarks(base, None)]}
     noted, tried = list[Any](), {_drawn_of(base)}
     for where, experiment in others:
-        placed = [*value_remarks(experiment, None), *unused(experiment)]
+        placed = [*value_remarks(experiment, None), *_unused(experiment)]
         if _draws(experiment) and (drawn := _drawn_of(experiment)) not in tried:
             tried.add(drawn)
             placed += _of_every_run(experiment, None)

@@ -9,7 +9,6 @@ from eqt_cli.base.store_writer import Variable
 from eqt_cli.base.stored import POINT
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.draws.formulas import names_of
 
 
 @purposes.variables_of_a_result
@@ -33,6 +32,8 @@ def variables(study: Study) -> dict[str, Variable]:
 
 
 def _numbers(experiment: Experiment) -> dict[str, Array]:
+    from eqt_cli.extensions.draws.formulas import names_of  # which few configurations need
+
     names = names_of(experiment.document, Problems(), lambda *of: of[2]())
     assert names is not None
     ensemble = experiment.config.ensemble

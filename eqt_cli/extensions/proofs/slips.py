@@ -5,8 +5,8 @@ A bound here is a hundred times beyond what such a vehicle has, and a slip of th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.components.vehicle_parts import highest, lowest
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
-from eqt_cli.extensions.proofs.authority import members_of
-from eqt_cli.extensions.proofs.authority import remarks as on_authority
 from eqt_cli.loop.signals import output_names
 from eqt_cli.runs.folder import MOST_OUTPUTS
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.proofs.authority import Members
 
 Placed = Iterator[tuple[KeyPath, str]]
 
@@ -52,7 +53,13 @@ def remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     yield from _in_per_cent(experiment)
     yield from _without_effect(experiment)
     yield from _unread_momentum(experiment)
-    yield from (slips := [*_of_another_unit(experiment)])
+    yield from _of_another_inertia(experiment)
+    if not experiment.vehicle.actuators:
+        return
+    from eqt_cli.extensions.proofs.authority import members_of
+    from eqt_cli.extensions.proofs.authority import remarks as on_authority
+
+    yield from (slips := [*_of_another_unit(experiment, members_of(experiment))])
     wrong = {key[1] for key, _ in slips}  # with such numbers, what is left means nothing
     yield from (remark for remark in on_authority(experiment, shown) if remark[0][1] not in wrong)
 
@@ -125,14 +132,13 @@ def _of_another_inertia(experiment: Experiment) -> Placed:
         )
 
 
-def _of_another_unit(experiment: Experiment) -> Placed:
+def _of_another_unit(experiment: Experiment, members: Iterable[Members]) -> Placed:
     """Yield numbers with which thrusters or wheels would do what no vehicle does."""
-    yield from _of_another_inertia(experiment)
     inverse, written_parts = experiment.loop.inertia.at(0.0).inverse, experiment.config.actuators
     for index, part in enumerate(experiment.vehicle.actuators):
         if part.name == "wheels":
             yield from _of_wheels((ACTUATORS, index), part, inverse)
-    for member in members_of(experiment):
+    for member in members:
         key: KeyPath = (ACTUATORS, member.index)
         written: Any = (written_parts or ())[member.index]
         yield from (far := [*_of_levers(key, written, experiment)])
