@@ -13,7 +13,6 @@ import json
 import mmap as mmap_module
 import os
 import re
-import secrets
 import stat
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -175,7 +174,7 @@ def replacement(path: Path) -> Iterator[io.FileIO]:
     The file is written in the same folder under a random name that must not exist yet, so that no
     link can redirect it. Then it is flushed to the disk and renamed.
     """
-    temporary = path.with_name(f"{path.name}.{secrets.token_hex(8)}.tmp")
+    temporary = path.with_name(f"{path.name}.{os.urandom(8).hex()}.tmp")
     with io.FileIO(temporary, "x+") as file:
         try:
             yield file

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -175,6 +176,7 @@ SIGNALS = {row.name: row for row in _ROWS}
 """All signals by name, in the order of result files; those of actuators stand with these."""
 
 
+@cache
 def signal_of(name: str) -> Signal | None:
     """Return the signal of a name, which may end with a part: ``torque_norm_rotation``."""
     # The last one first: ``pose_error`` is no part of ``pose``.

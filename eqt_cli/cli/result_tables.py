@@ -177,12 +177,13 @@ def _cut(result: Result) -> Iterator[str]:
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
     """Yield the shares of unsettled runs, for laws where few of many did not settle."""
-    from eqt_cli.analysis.intervals import Resampling, share
-
-    runs, level = result.good[..., 0, :].size, Resampling.confidence
+    runs = result.good[..., 0, :].size
     few = {title: count for title, count in unsettled.items() if count < RARE * runs}
     if runs < MANY or not few:
         return
+    from eqt_cli.analysis.intervals import Resampling, share
+
+    level = Resampling.confidence
     shares = {title: share(count, runs, level, exact=True) for title, count in few.items()}
     words = "; ".join(
         f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from eqt_cli.base import purposes
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, distinct
 from eqt_cli.base.stored import Attribute
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.config.study import Study
@@ -58,7 +58,7 @@ def row_errors(study: Study) -> dict[str, Attribute]:
     worst: tuple[float, str, str] = (0.0, "", "")
     needed = 0
     for piece in study.pieces:
-        entries = np.unique(np.linspace(0, piece.plan.entries - 1, RUNS).astype(int))
+        entries = distinct(np.linspace(0, piece.plan.entries - 1, RUNS).astype(int))
         for label in piece.base.loops:
             for batch in batches(piece, label, entries):
                 for name, error, samples in _errors_of(batch, names):
@@ -88,8 +88,7 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     width = loop.group.size**2 + loop.group.dimension
     begins = problem.times
     per_step = PER_STEP / (1 if isinstance(batch.engine, Compiled) else EVALUATIONS)
-    work = batch.engine.solve(replace(problem, times=begins[[0, -1]])).steps.max() * per_step
-    while parts < 4 or parts * intervals < work:
+    while parts < 4:
         parts *= 2
     while parts * intervals <= MOST_SAMPLES:
         times = np.interp(np.arange(parts * intervals + 1) / parts, np.arange(len(begins)), begins)
@@ -97,6 +96,10 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
         solution = batch.engine.solve(finer)
         if solution.status.any():
             return
+        if parts * intervals < (work := solution.steps.max() * per_step):
+            while parts * intervals < work:
+                parts *= 2
+            continue
         sampled = evaluate(
             batch.engine, function, finer, solution.states, np.zeros((len(times), width))
         )
