@@ -31,8 +31,8 @@ from eqt_cli.extensions.gym.rewards import (
     plain,
     signal_program,
     signals_of,
-    source_of,
 )
+from eqt_cli.extensions.gym.sources import text_of
 from eqt_cli.extensions.gym.stepping import Episodes, Plant
 from eqt_cli.extensions.network.network import UNTRAINED
 from eqt_cli.loop.bounds import bounds_of
@@ -73,6 +73,7 @@ def make(
     seed: int | None = None,
     *,
     reward: Reward = None,
+    cost: Function | None = None,
     terminated: Function | None = None,
     penalty: float | None = None,
     autoreset: str | AutoresetMode = "same_step",
@@ -102,7 +103,12 @@ def make(
         judges no law, because the experiment is to judge the policy by other runs.
     reward
         A stored metric by name, which counts negatively, or a function of a `Step`. Default:
-        ``tune.objective`` of the configuration, or mean_pose_error.
+        ``tune.objective`` of the configuration, or mean_pose_error. A function may return terms by
+        name, whose sum is the reward; ``info["reward_terms"]`` has them, and as ``end`` what the
+        end of an episode adds.
+    cost
+        Function of a `Step`, which ``info["cost"]`` has: what a constraint bounds, in safe
+        reinforcement learning. Terms by name are in ``info["cost_terms"]``.
     terminated
         Function of a `Step` that says where an episode ends. Episodes also end beyond a bound of
         ``failed_when`` in the experiment, and where the state is no longer finite; they are
@@ -166,6 +172,7 @@ def make(
         penalty,
     )
     _expect(terminated is None or callable(terminated), "terminated", FUNCTION, terminated)
+    _expect(cost is None or callable(cost), "cost", FUNCTION, cost)
     is_list = isinstance(privileged, list | tuple) and all(isinstance(x, str) for x in privileged)
     _expect(is_list, "privileged", "a list of names", privileged)
     is_type = isinstance(dtype, str | type | np.dtype)
@@ -185,6 +192,7 @@ def make(
         num_envs,
         Episodes(problem_of(trained, label, episodes)),
         reward=usual if reward is None else reward,
+        cost=cost,
         terminated=terminated,
         penalty=penalty,
         mode=MODES.get(str(autoreset), autoreset),
@@ -202,6 +210,16 @@ def _whole(value: Any, name: str, least: int = 1) -> None:
 def _expect(is_right: bool, name: str, what: str, value: Any) -> None:
     if not is_right:
         raise EqtError(f"{name}: expected {what}, got {value!r}")
+
+
+def _conditions(terms: Mapping[str, Array]) -> None:
+    """Refuse an end that is no condition."""
+    value = next(iter(terms.values()))
+    if terms.keys() != {""} or ((value != 0) & (value != 1)).any():
+        raise EqtError(
+            "terminated: expected a condition, as x.pose_error > 1, got "
+            + (f"the number {value[0]}" if terms.keys() == {""} else "terms")
+        )
 
 
 def _numbers(values: Any, expected: str) -> Array:
@@ -311,6 +329,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         episodes: Episodes,
         *,
         reward: str | Function,
+        cost: Function | None = None,
         terminated: Function | None = None,
         penalty: float | None = None,
         mode: Any = AutoresetMode.SAME_STEP,
@@ -335,19 +354,24 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, observations, dtype)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._last, self._rewards = np.zeros((num_envs, *actions)), np.zeros(num_envs)
+        self._last = np.zeros((num_envs, *actions))
+        self._rewards, self._costs = np.zeros((2, num_envs))
         self._observed = np.zeros((num_envs, *observations))
         self._begun, self._order = np.zeros(num_envs, np.uint64), np.uint64(self.training_seed)
         self._ended, self._started = np.zeros(num_envs, bool), False
         self.runs, self._horizon = np.zeros((2, num_envs), np.int64)
         self._signals = dict[str, Any]()
         self._ends = [Evaluated(self.plant, terminated, "terminated")] if terminated else []
+        for end in self._ends:
+            _conditions(end.trial.values)
+        self.cost = FunctionReward(self.plant, cost, "cost") if cost else None
+        self._steps = 0
         self._fails = list[Evaluated]()
         if bounds_of_errors := experiment.base.config.failed_when:
             bounds = bounds_of(bounds_of_errors, problem.loop)
             crossed = Evaluated(self.plant, lambda x: bounds.crossed(x.__getattr__), "failed_when")
             self._fails.append(crossed)
-        self.terminated_text = "" if terminated is None else source_of(terminated)
+        self.terminated_text = "" if terminated is None else text_of(terminated)
         self._privileged = tuple(privileged)
         for name in self._privileged:
             if name not in self.offered:
@@ -384,6 +408,7 @@ class Environment(VectorEnv[Array, Array, Array]):
             experiment that each of these is, with its own sensor errors.
         """
         self._check_open("reset")
+        self._repeat_trials()
         _expect(isinstance(options, Mapping | None), "options", OPTIONS, options)
         options = dict(options or {})
         if seed is not None:
@@ -417,7 +442,8 @@ class Environment(VectorEnv[Array, Array, Array]):
                 for salt, size in zip((START, ERRORS), sizes, strict=True)
             )
         self.plant.begin(which, runs, np.minimum(rows, self._episodes.rows - 1))
-        self.runs[which], self._last[which], self._rewards[which] = runs, 0.0, 0.0
+        self.runs[which], self._last[which] = runs, 0.0
+        self._rewards[which] = self._costs[which] = 0.0
         self._horizon[which], self._ended[which] = self.plant.ticks, False
         self.reward.begin(which)
 
@@ -454,46 +480,66 @@ class Environment(VectorEnv[Array, Array, Array]):
         Actions are clipped to `clip` of `commands`, as those of a network are.
         """
         action = self._checked(actions)
-        plant = self.plant
+        plant, self._steps = self.plant, self._steps + 1
+        if self._steps % REPEATED == 0:
+            self._repeat_trials()
         moves = ~plant.waits
         plant.act(action)
         self.reward.after_instant()
         plant.advance()
         failed = plant.failed
         crossed = self._any_of(self._fails, action) & moves & ~failed
-        reward = np.where(failed, self._rewards, self.reward(action, self._last))
-        reward = np.where(moves, reward, 0.0)
-        if not np.isfinite(reward).all():
-            place = int(np.flatnonzero(~np.isfinite(reward))[0])
-            raise EqtError(
-                f"reward: is {reward[place]} in environment {place}, at {plant.time[place]:g} s; "
-                "give a number there, too"
-            )
+        reward = self._counted(self.reward, action, self._rewards, moves, "reward")
+        numbers = self._costs_of(action, moves) if self.cost else {}
         terminated = failed | crossed | (self._any_of(self._ends, action) & moves & ~failed)
         self._last[moves] = action[moves]
         truncated = (plant.tick >= self._horizon) & ~terminated
-        self._rewards[:] = reward
         if terminated.any():
             reward = np.where(terminated, self._at_end(reward), reward)
+        if terms := self.reward.terms:
+            terms = {name: np.where(moves & ~failed, x, 0.0) for name, x in terms.items()}
+            numbers["reward_terms"] = terms | {"end": reward - sum(terms.values())}
         now = plant.observe()
         np.copyto(self._observed, now, where=~failed[:, None])
         self._ended = terminated | truncated
         info = {}
         if self._ended.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
             info = self._followed(np.flatnonzero(self._ended), failed | crossed)
-        return self._observations(), reward, terminated, truncated, info | self._info()
+        return self._observations(), reward, terminated, truncated, info | numbers | self._info()
+
+    def _counted(self, of: Any, action: Array, last: Array, moves: Array, what: str) -> Array:
+        """Return a reward or a cost of this step: of a failed run, that of the step before."""
+        value = np.where(self.plant.failed, last, of(action, self._last))
+        value = np.where(moves, value, 0.0)
+        if not np.isfinite(value).all():
+            place = int(np.flatnonzero(~np.isfinite(value))[0])
+            raise EqtError(
+                f"{what}: is {value[place]} in environment {place}, at {self.plant.time[place]:g} "
+                "s; give a number there, too"
+            )
+        last[:] = value
+        return value
+
+    def _costs_of(self, action: Array, moves: Array) -> dict[str, Any]:
+        """Return what `info` has of the costs of this step."""
+        assert self.cost is not None
+        value = self._counted(self.cost, action, self._costs, moves, "cost")
+        terms = {name: np.where(moves, x, 0.0) for name, x in self.cost.terms.items()}
+        return {"cost": value} | ({"cost_terms": terms} if terms else {})
+
+    def _repeat_trials(self) -> None:
+        """Refuse functions that give other numbers than when they were set."""
+        rewards = [self.reward.function] if isinstance(self.reward, FunctionReward) else []
+        costs = [self.cost.function] if self.cost else []
+        for function in (*rewards, *costs, *self._ends):
+            function.trial.repeat()
 
     def _any_of(self, conditions: Sequence[Evaluated], action: Array) -> Array:
         """Return whether any of these conditions holds, of each run."""
         holds = np.zeros(self.num_envs, bool)
         for condition in conditions:
-            value = condition(action, self._last)
-            if (wrong := value[(value != 0) & (value != 1) & ~self.plant.failed]).size:
-                raise EqtError(
-                    "terminated: expected a condition, as x.pose_error > 1, got the number "
-                    f"{wrong[0]}"
-                )
-            holds |= value != 0
+            value = condition(action, self._last)[""]
+            holds |= (value != 0) & ~np.isnan(value)
         return holds
 
     def _checked(self, actions: Any) -> Array:
@@ -643,6 +689,9 @@ class Environment(VectorEnv[Array, Array, Array]):
         _expect(function is None or callable(function), "function", "a function or None", function)
         return policy.check(self, _path(path), function, runs)
 
+
+REPEATED = 1000
+"""After so many steps, functions of the user are tried again."""
 
 FIRST_END, START, ERRORS = range(3)
 """What is drawn of an episode."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
-import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,10 +12,13 @@ from eqt_cli.base.arrays import Array, Arrays, where
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.registry import described
 from eqt_cli.engines.native import held_rows, sampled
+from eqt_cli.extensions.gym.sources import text_of
 from eqt_cli.extensions.gym.stepping import Plant
+from eqt_cli.extensions.gym.symbolic import symbolic
+from eqt_cli.extensions.gym.trial import Terms, Trial
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import existing, holds, outputs_of, values_at
-from eqt_cli.numbers.program import COMPARISONS
+from eqt_cli.numbers.program import COMPARISONS, Constant, Program
 from eqt_cli.results.metrics import QUANTITIES, effort, integral_of_square, time_mean
 from eqt_cli.results.quantity import Measure
 
@@ -72,21 +73,37 @@ class OfFunction:
     def __call__(
         self, loop: ClosedLoop, t: Any, state: Array, action: Array, last: Array
     ) -> Arrays:
-        """Return its ``value``, 1 or 0 of a condition."""
+        """Return its numbers, 1 or 0 of a condition, in their order."""
         s = loop.tracking(t, state)
 
         def signal(name: str) -> Array:
             if name not in self.names:
                 raise KeyError(name)  # it would be NaN, and no condition of it would hold
-            return values_at(loop, s, state, (name,))[name]
+            return symbolic(values_at(loop, s, state, (name,))[name])
 
-        step = Step(signal, t, action, last)
-        value = np.asarray(self.function(step))
-        if value.dtype == bool:
-            value = value.astype(float)
-        if getattr(value.ravel()[:1].tolist()[0], "name", "") in COMPARISONS:  # of `less`
-            value = where(value, 1.0, 0.0)
-        return {"value": value.reshape(1, 1) + 0.0}
+        time = np.empty(1, dtype=object)
+        time[0] = t
+        step = Step(signal, symbolic(time), symbolic(action), symbolic(last))
+        terms = terms_in(self.function(step)).values()
+        return {f"term{k}": _of_symbols(value) for k, value in enumerate(terms)}
+
+
+def terms_in(value: Any) -> dict[str, Any]:
+    """Return what a function gives by name; a single number has the name ""."""
+    return dict(value) if isinstance(value, Mapping) else {"": value}
+
+
+def _of_symbols(value: Any) -> Array:
+    """Return the number of a run, 1 or 0 of a condition; a `ValueError` of another shape."""
+    array = np.asarray(value)
+    first = array.ravel()[0]
+    if array.shape == () and not isinstance(first, int | float | np.number | np.bool_):
+        raise ValueError("a sum over all environments")
+    if array.shape not in ((), (1,)):
+        raise ValueError("no number of a run")
+    if getattr(first, "name", "") in COMPARISONS:  # of `less`
+        array = where(array, 1.0, 0.0)
+    return array.reshape(1, 1) * 1.0 if array.dtype == bool else array.reshape(1, 1) + 0.0
 
 
 class Evaluated:
@@ -94,6 +111,8 @@ class Evaluated:
 
     Attributes
     ----------
+    names
+        Names of the numbers that the function gives; "" of a single one.
     is_compiled
         Whether all of it is C.
     """
@@ -104,20 +123,30 @@ class Evaluated:
         lengths = (plant.loop.state_length, plant.actions, plant.actions)
         of_function = OfFunction(function, frozenset(signals_of(plant.loop)))
         program = sampled(of_function, plant.loop, lengths)
-        self.is_compiled = program is not None
-        self._program = program and (program, held_rows(plant.loop, plant.starts, program))
-        if program is None:
-            none = np.zeros((len(plant.tick), plant.actions))
-            self(none, none)  # so that what is wrong with it is said now
+        # A number that no signal changes has no shape.
+        self._constant = program is not None and _is_constant(program)
+        self.trial = Trial(plant, function, what, self._terms, self._program_of)
+        self.names = [*self.trial.values]
+        self._program: tuple[Program, Array] | None = None
+        if program is not None:
+            held = held_rows(plant.loop, plant.starts, program)
+            if self.trial.agrees(program, held):
+                self._program = program, held
+        self.is_compiled = self._program is not None
 
-    def __call__(self, action: Array, last: Array) -> Array:
-        """Return its value of each run, ``(runs,)``."""
+    def __call__(self, action: Array, last: Array) -> dict[str, Array]:
+        """Return its numbers of each run by name, ``(runs,)`` each."""
         plant = self._plant
         if self._program:
-            return plant.evaluate(*self._program, (action, last))["value"][:, 0]
-        t = plant.time
+            arrays = plant.evaluate(*self._program, (action, last)).values()
+            return {name: x[:, 0] for name, x in zip(self.names, arrays, strict=True)}
+        return self._terms(self.signal, plant.time, action, last)
+
+    def _terms(self, signal: Callable[[str], Array], t: Array, action: Array, last: Array) -> Terms:
+        """Return the numbers that the function gives of some signals."""
         try:
-            value = plain(self._function(Step(self.signal, t, action, last)))
+            terms = terms_in(self._function(Step(signal, t, action, last)))
+            values = {str(name): plain(value) for name, value in terms.items()}
         except EqtError:
             raise
         except Exception as error:
@@ -125,19 +154,35 @@ class Evaluated:
                 f"{self._what}: the function fails: {described(error)}; it takes one argument, "
                 "whose signals are arrays of a number for each run, so that np.where replaces if"
             ) from error
-        if value.shape != (len(t),) or value.dtype.kind not in "fiub":
-            raise EqtError(
-                f"{self._what}: expected a number for each run, of shape ({len(t)},), got "
-                f"{value.dtype} of shape {value.shape}"
-            )
-        return value
+        if not values:
+            raise EqtError(f"{self._what}: expected a number for each run, got no terms")
+        for name, value in values.items():
+            if self._constant and value.shape == ():
+                values[name] = value = np.full(len(t), float(value))
+            if value.shape != (len(t),) or value.dtype.kind not in "fiub":
+                raise EqtError(
+                    f"{self._what}{f' {name!r}' if name else ''}: expected a number for each run, "
+                    f"of shape ({len(t)},), got {value.dtype} of shape {value.shape}; the first "
+                    "axis counts the environments, so sum over the last axis, as "
+                    "(x.action**2).sum(axis=-1)"
+                )
+        return values
 
     def signal(self, name: str) -> Array:
         """Return a signal of the loop in the states of the plant."""
+        program, held = self._program_of(name)
+        return self._plant.evaluate(program, held)[name]
+
+    def _program_of(self, name: str) -> tuple[Any, Array]:
         if name not in self._signals:
             self._signals[name] = signal_program(self._plant, name, self._what)
-        program, held = self._signals[name]
-        return self._plant.evaluate(program, held)[name]
+        return self._signals[name]
+
+
+def _is_constant(program: Program) -> bool:
+    """Whether some number of a program is constant."""
+    constant = [isinstance(value, Constant) for value in program.values]
+    return any(constant[place] for output in program.outputs for place in output.entries)
 
 
 def signals_of(loop: ClosedLoop) -> list[str]:
@@ -174,6 +219,8 @@ class MetricReward:
     text
         It in words.
     """
+
+    terms: ClassVar[dict[str, Array]] = {}
 
     def __init__(self, plant: Plant, name: str) -> None:
         quantity = QUANTITIES.get(name)
@@ -231,11 +278,14 @@ class FunctionReward:
     Attributes
     ----------
     text
-        Its source, or its name where there is none.
+        Its expression, or its source or its name where there is none.
+    terms
+        Its terms in the last step by name; empty of a function that gives a single number.
     """
 
-    def __init__(self, plant: Plant, function: Function) -> None:
-        self.text, self.function = source_of(function), Evaluated(plant, function, "reward")
+    def __init__(self, plant: Plant, function: Function, what: str = "reward") -> None:
+        self.text, self.function = text_of(function), Evaluated(plant, function, what)
+        self.terms = dict[str, Array]()
 
     def begin(self, which: Array) -> None:
         """Nothing is remembered."""
@@ -244,8 +294,12 @@ class FunctionReward:
         """Nothing is remembered."""
 
     def __call__(self, action: Array, last: Array) -> Array:
-        """Return the reward of a step, ``(runs,)``."""
-        return np.asarray(self.function(action, last), dtype=float)
+        """Return the reward of a step, ``(runs,)``: the sum of its terms."""
+        terms = self.function(action, last)
+        if "" not in terms:
+            self.terms = terms
+        first, *others = terms.values()
+        return sum(others, start=np.asarray(first, dtype=float))
 
 
 def plain(values: Any) -> Array:
@@ -256,11 +310,3 @@ def plain(values: Any) -> Array:
     if np.ma.is_masked(array):
         raise TypeError("got masked numbers, which say nothing; fill them")
     return array.data
-
-
-def source_of(function: Any) -> str:
-    """Return the text of a function as it is written, or its name."""
-    try:
-        return textwrap.dedent(inspect.getsource(function)).strip()
-    except (OSError, TypeError):
-        return str(getattr(function, "__qualname__", repr(function)))

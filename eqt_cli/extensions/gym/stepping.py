@@ -8,6 +8,7 @@ run has the same bits whatever its neighbours and their times.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -278,9 +279,23 @@ class Plant:
         rows
             Its rows behind the state.
         """
+        return at_one_time(program, self.inputs(held, rows, which))
+
+    def inputs(
+        self, held: Array, rows: Sequence[Array] = (), which: Array | slice = slice(None)
+    ) -> list[Rows]:
+        """Return the inputs of a program, as `evaluate` takes them."""
         state, *others = self._inputs(which, self.states[which], held)
-        more = [Rows(values, by_run=True) for values in rows]
-        return at_one_time(program, [state, *more, *others])
+        return [state, *(Rows(values, by_run=True) for values in rows), *others]
+
+    def of_two(self) -> Plant:
+        """Return a plant of two runs at different times, in states where runs start."""
+        two = copy(self)
+        runs = np.array([0, -1])
+        two.states = self._episodes.states[runs]
+        two.parameters = self._episodes.parameters[runs]
+        two.tick = np.array([self.ticks // 3, self.ticks - 1])
+        return two
 
 
 def at_one_time(program: Program, inputs: Sequence[Rows]) -> Arrays:

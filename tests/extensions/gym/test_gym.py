@@ -1,5 +1,8 @@
 """An experiment as a vector environment: bits of runs, Gymnasium's rules, rewards, slips."""
 
+import random
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from policies import POLICY, attitude
@@ -154,7 +157,7 @@ def test_a_seed_repeats_staggered_ends_and_given_runs_are_whole():
 def test_functions_of_signals_are_compiled_where_they_can_be():
     compiled = make(reward=lambda x: -x.pose_error - (x.action * x.last_action).sum(axis=-1))
     assert compiled.reward.function.is_compiled
-    plain = make(reward=lambda x: np.exp(-x.pose_error) + x.t)
+    plain = make(reward=lambda x: np.exp(-x.pose_error) + np.arctan2(x.t, 1.0))
     assert not plain.reward.function.is_compiled
     for env in (compiled, plain):
         env.reset(options={"runs": np.arange(5)})
@@ -163,7 +166,75 @@ def test_functions_of_signals_are_compiled_where_they_can_be():
     rewards = compiled.step(second)[1], plain.step(second)[1]
     error = plain.exactly("pose_error")
     assert rewards[0] == pytest.approx(-error - 0.3, rel=1e-12)
-    assert rewards[1] == pytest.approx(np.exp(-error) + 0.02, rel=1e-12)
+    assert rewards[1] == pytest.approx(np.exp(-error) + np.arctan(0.02), rel=1e-12)
+
+
+REWARDS = {
+    "compared": (
+        lambda x: -1.0 * ((x.pose_error > 2.5) | ~(x.t > 0.015)),
+        lambda x: -float(x.pose_error > 2.5 or not x.t > 0.015),
+    ),
+    "counted": (
+        lambda x: -(abs(x.action) >= 0.4).sum(axis=-1),
+        lambda x: -sum(abs(a) >= 0.4 for a in x.action),
+    ),
+    "largest": (lambda x: -np.abs(x.action).max(axis=-1), lambda x: -max(map(abs, x.action))),
+    "all": (
+        lambda x: 1.0 * (abs(x.velocity) < 0.5).all(axis=-1),
+        lambda x: float(all(abs(v) < 0.5 for v in x.velocity)),
+    ),
+    "chosen": (
+        lambda x: np.where(x.pose_error > 2, -5.0, -np.exp(x.pose_error)),
+        lambda x: -5.0 if x.pose_error > 2 else -np.exp(x.pose_error),
+    ),
+    "terms": (
+        lambda x: {"error": -x.pose_error, "norm": -np.linalg.norm(x.velocity, axis=-1)},
+        lambda x: -x.pose_error - np.sqrt(sum(v * v for v in x.velocity)),
+    ),
+}
+
+
+@pytest.mark.ci("compiles rewards")
+@pytest.mark.parametrize("name", REWARDS)
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_reward_is_that_of_a_loop_over_environments(name, count):
+    """Two of its numbers differ by the order of sums at most, and all are compiled."""
+    reward, plainly = REWARDS[name]
+    env = make(num_envs=count, reward=reward, cost=reward)
+    assert env.reward.function.is_compiled
+    env.reset(options={"runs": np.arange(count)})
+    env.step(np.zeros((count, 3)))
+    for action in np.random.default_rng(0).uniform(-1, 1, (3, count, 3)):
+        _, values, _, _, info = env.step(action)
+        rows = zip(env.exactly("pose_error"), env.exactly("velocity"), action, strict=True)
+        t, names = env.plant.time[0], ("pose_error", "velocity", "action")
+        steps = [SimpleNamespace(t=t, **dict(zip(names, row, strict=True))) for row in rows]
+        assert values == pytest.approx([plainly(x) for x in steps], rel=1e-12)
+        assert (info["cost"] == values).all()
+        if name == "terms":
+            terms = info["reward_terms"]
+            assert [*terms] == ["error", "norm", "end"]
+            assert sum(terms.values()) == pytest.approx(values, rel=1e-12)
+
+
+@pytest.mark.ci("loads an experiment")
+def test_a_reward_that_changes_what_it_reads_or_whose_numbers_change_is_refused():
+    calls, weight = [], {"error": 1.0}
+
+    def counting(x):
+        calls.append(0)
+        return -x.pose_error
+
+    said = error_of(make, reward=counting)
+    assert says(said, "reward: gives other numbers for the same step, since it…counts…")
+    env = make(reward=lambda x: -weight["error"] * x.pose_error)
+    weight["error"] = 2.0
+    said = error_of(env.reset)
+    assert says(said, "reward: gives … where it gave … when it was set…env.set_reward…")
+    limit = 0.5
+    env.set_reward(lambda x: -np.minimum(x.pose_error, limit))
+    env.reset()
+    assert env.training["reward"] == "-np.minimum(x.pose_error, limit), limit = 0.5"
 
 
 @pytest.mark.ci("loads two experiments")
@@ -236,10 +307,26 @@ SLIPS = {
     ),
     "a shape": (
         {"reward": lambda x: -np.abs(x.velocity)},
-        "reward: expected a number for each run, of shape (5,), got …(5, 3)",
+        "reward: expected a number for each run, of shape (2,), got …(2, 3)…",
     ),
     "no function": ({"reward": 3}, "reward: expected the name of a metric, or…got 3"),
     "no condition": ({"terminated": True}, "terminated: expected a function…got True"),
+    "a number as an end": (
+        {"terminated": lambda x: x.pose_error},
+        "terminated: expected a condition, as x.pose_error > 1, got the number …",
+    ),
+    "a sum over environments": (
+        {"reward": lambda x: -(x.action**2).sum()},
+        "reward: expected a number for each run, of shape (2,), got …shape ()…sum(axis=-1)",
+    ),
+    "one that mixes environments": (
+        {"reward": lambda x: x.pose_error - x.pose_error.mean()},
+        "reward: the number of an environment depends on the other environments…",
+    ),
+    "a random reward": (
+        {"reward": lambda x: x.pose_error + random.random()},
+        "reward: gives other numbers for the same step, since it draws random numbers…",
+    ),
     "a word as a penalty": ({"penalty": "ten"}, "penalty: expected a number from 0, got 'ten'"),
     "no number": ({"penalty": np.nan}, "penalty: expected a number from 0, got nan"),
     "whole numbers": ({"dtype": int}, "dtype: expected np.float32 or np.float64, got …int…"),
@@ -309,6 +396,7 @@ def test_an_episode_ends_where_its_run_fails():
     bounded = make(config=attitude(failed_when={"attitude": "120 deg"}), penalty=0)
     own = make(terminated=lambda x: x.attitude_angle > 120, penalty=0)
     compiled = make(terminated=lambda x: less(120.0, x.attitude_angle), penalty=0)
+    assert own._ends[0].is_compiled
     assert compiled._ends[0].is_compiled
     ends = []
     for env in (bounded, own, compiled):
@@ -332,9 +420,9 @@ def test_an_episode_ends_where_its_run_fails():
 def test_what_a_function_gives_in_a_step_is_answered_with_a_sentence():
     for options, sentence in {
         "reward": "reward: is -inf in environment 0, at 0.01 s; give a number there, too",
-        "terminated": "terminated: expected a condition, as x.pose_error > 1, got the number …",
+        "cost": "cost: is -inf in environment 0, at 0.01 s; give a number there, too",
     }.items():
-        function = {"reward": lambda x: -x.pose_error / 0, "terminated": lambda x: x.pose_error}
+        function = dict.fromkeys(("reward", "cost"), lambda x: -x.pose_error / 0)
         env = make(**{options: function[options]})
         env.reset(seed=0)
         with np.errstate(divide="ignore"):
