@@ -4,7 +4,6 @@ import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +20,13 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
 from eqt_cli.extensions.flights import flights, plant_fit, prediction
+from eqt_cli.extensions.flights.joined import recordings_of_a_list
 from eqt_cli.extensions.flights.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.flights.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.flights.prediction import Growth, Windows
 from eqt_cli.extensions.logs.api import MappingSource, driving, literal, log_errors, read_measured
-from eqt_cli.extensions.logs.logs import QUANTITIES
+from eqt_cli.extensions.logs.flight_list import ListedFlight, is_list
+from eqt_cli.extensions.logs.logs import QUANTITIES, TrackingErrors
 from eqt_cli.extensions.logs.recording_check import Recording
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.results.result import Result
@@ -37,7 +38,9 @@ def compare_flights(
     paths: Sequence[str | os.PathLike[str]],
     against: Sequence[str | os.PathLike[str]] = (),
     *,
+    law: str = "",
     pair: bool = False,
+    duplicates: bool = False,
     within: str = "",
     period: float = 0.0,
     metrics: Sequence[str] = (),
@@ -53,9 +56,15 @@ def compare_flights(
     Parameters
     ----------
     paths, against
-        Recordings of both settings, A and B, or folders of them.
+        Recordings of both settings, A and B, or folders of them; or a list of flights, and the law
+        of B in it.
+    law
+        The law of A in a list; of two, the other one by default.
     pair
-        Whether the first of `paths` belongs to the first of `against`, and so on.
+        Whether the first of `paths` belongs to the first of `against`, and so on. In a list, its
+        column says so.
+    duplicates
+        Whether recordings of the same file or the same motion are included.
     within
         The order of laps of both settings in a single recording, such as ``ABABAB``; each two
         neighbours are a pair.
@@ -101,8 +110,13 @@ def compare_flights(
     >>> eqt_cli.compare_flights(*files, second="wanted.csv").pairs[0].word
     <Word.BETTER: 'better'>
     """
-    rules, paired = rules_of(fail_on), pair or bool(within)
-    files = [[x for path in some for x in flights.files_in(path)] for some in (paths, against)]
+    rules = rules_of(fail_on)
+    lists = [path for path in paths if is_list(path)]
+    if lists:
+        rows, pair = flights.sides_of_a_list(Path(lists[0]), paths, law, against, pair)
+    else:
+        rows = [[x for path in some for x in flights.listed_in(path)] for some in (paths, against)]
+    files, paired = [[x.file for x in some] for some in rows], pair or bool(within)
     literal(Literal["rms", "median", "largest"], "of", of)
     wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < np.inf)}
     if odd := wanted - {*QUANTITIES}:
@@ -116,14 +130,19 @@ def compare_flights(
     if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
         got = f"{', '.join(a)} and {', '.join(b)}"
         raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
-    rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
-    ordered = [x for two in (zip(*rows, strict=True) if pair else rows) for x in two]
-    tracked, turns = partial(log_errors, **how), within[: len(within) // 2 * 2]
+    sides = [[(side, one) for one in some] for side, some in zip("AB", rows, strict=True)]
+    ordered = [x for two in (zip(*sides, strict=True) if pair else sides) for x in two]
+    turns = within[: len(within) // 2 * 2]
+
+    def tracked(one: ListedFlight) -> TrackingErrors:
+        return log_errors(one.file, **how | one.how)
+
     folder = None if out is None else Path(out)
     settings = {"of": of, "period": period, "within": turns} | how
     shifts = dict[Path, float]()
     with flights.kept_in(folder, settings) as measured, step("flights", len(ordered)):
-        flown = [*flights.read_flights(ordered, tracked, of, period, turns, measured, shifts)]
+        more: Any = measured, shifts, duplicates
+        flown = [*flights.read_flights(ordered, tracked, of, period, turns, *more)]
     comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
     if how.get("second"):
         comparison.notes.extend(flights.remarks_on_shifts(shifts))
@@ -168,7 +187,8 @@ def replay(
         A configuration as for `load_experiment`. Its group, inertia, plant, actuators and solver
         are used.
     measured
-        The recording, with poses (of a rotation, rates are enough) and wrenches.
+        The recording, with poses (of a rotation, rates are enough) and wrenches; or a list of
+        flights, which follow each other in time.
     mapping, format
         As for `check_log`.
     hold
@@ -304,7 +324,17 @@ def _opened(
     else:
         document = document_from(config, {}, trust_plugins=trust_plugins)
     base = build(replace(document, data=without_search(document.data)))
-    recording = prediction.by_rotors(base.vehicle, driving(measured, base.group, mapping, format))
+
+    def read(one: ListedFlight) -> Recording:
+        return driving(one.file, base.group, one.mapping or mapping, format)
+
+    is_one = not is_list(measured)
+    recording = (
+        driving(measured, base.group, mapping, format)
+        if is_one
+        else recordings_of_a_list(path_from("measured", measured), read)
+    )
+    recording = prediction.by_rotors(base.vehicle, recording)
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:

@@ -70,7 +70,7 @@ def replay(
     Options
     -------
     Experiment
-        --measured FILE  Recording with poses and wrenches.
+        --measured FILE  Recording with poses and wrenches, or a list of flights.
         --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
             does; linear interpolates.
         --delay S  Delay with which the wrench was recorded, s.
@@ -104,7 +104,7 @@ def fit(
     Options
     -------
     Experiment
-        --measured FILE  Recording with poses and wrenches.
+        --measured FILE  Recording with poses and wrenches, or a list of flights.
         --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
             does; linear interpolates.
         --delay S  Delay with which the wrench was recorded, s.
@@ -160,7 +160,9 @@ class Comparing:
     """Which flights or laps belong together, and what is compared."""
 
     against: Annotated[list[Path] | None, options.option("--against")] = None
+    law: Annotated[str, options.option("--law")] = ""
     pair: Annotated[bool, options.option("--pair")] = False
+    duplicates: Annotated[bool, options.option("--duplicates")] = False
     within: Annotated[str | None, options.option("--within")] = None
     period: Annotated[float | None, options.option("--period", min=0.0)] = None
     metrics: Annotated[list[str] | None, options.option("--metric", names=QUANTITIES)] = None
@@ -172,7 +174,9 @@ class Comparing:
 
 
 def compare_flights(
-    files: Annotated[list[Path], typer.Argument(metavar="A", help="Flights, or their folder.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="A", help="Flights, their folder or list.")
+    ],
     what: Comparing,
     log_format: options.LogFormat = "csv",
     *,
@@ -190,9 +194,12 @@ def compare_flights(
     Options
     -------
     What to show
-        --against FILE  Flights with the other setting, all files that follow, or their folder.
-            Repeatable.
-        --pair  The first file belongs to the first one of --against, and so on.
+        --against FILE  Flights with the other setting, all files that follow, or their folder; of a
+            list of flights, the law of B. Repeatable.
+        --law NAME  The law of A in a list of flights. Default: the other one of two.
+        --pair  The first file belongs to the first one of --against, and so on; of a list, those
+            with the same pair.
+        --duplicates  Include recordings of one flight that stand twice.
         --within ORDER  Compare laps of a single file, whose order is such as ABABAB, by --period.
         --period S  Length of a lap, s; the laps of a flight are averaged.
         --metric NAME  position, velocity, attitude or rates. Repeatable. Default: all.

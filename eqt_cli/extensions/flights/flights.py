@@ -21,13 +21,14 @@ from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_dec
 from eqt_cli.api.loading import path_from
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError
-from eqt_cli.base.files import content_of, read_record, refusals, write_record
+from eqt_cli.base.files import read_record, refusals, write_record
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
 from eqt_cli.base.version import __version__
-from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
-from eqt_cli.extensions.logs.first_bytes import format_of
-from eqt_cli.extensions.logs.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
+from eqt_cli.extensions.logs.flight_list import ListedFlight, is_list, read_list, recordings_in
+from eqt_cli.extensions.logs.logs import QUANTITIES, Series, TrackingErrors
+from eqt_cli.extensions.logs.many import digest_of, placed
 from eqt_cli.extensions.logs.recording import GAP
+from eqt_cli.extensions.logs.same_motion import motion_from, motion_of, twins
 
 CONFIDENCE = 0.95
 """Of intervals and words."""
@@ -50,8 +51,8 @@ SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.m
 SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
 
 Errors = Mapping[str, Sequence[Array]]
-Tracked = Callable[[Path], TrackingErrors]
-"""The errors of both sides by the quantity, and a function that measures those of a file."""
+Tracked = Callable[[ListedFlight], TrackingErrors]
+"""The errors of both sides by the quantity, and a function that measures those of a flight."""
 
 OWN = re.compile(
     r"CAL_|TC_|COM_(FLIGHT_UUID|AUTOS_PAR)|LND_FLIGHT_T_|EKF2_MAG(BIAS|_DECL)|STAT_|COMPASS_|INS_|"
@@ -149,14 +150,50 @@ class Flown(NamedTuple):
         return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
 
 
-def files_in(path: Any) -> list[Path]:
-    """Return a recording, or those in a folder that is no bag."""
+def listed_in(path: Any) -> list[ListedFlight]:
+    """Return a recording, or those in a folder that is no bag, or in a list."""
     folder = path_from("paths", path)
-    if not folder.is_dir() or (folder / "metadata.yaml").exists():
-        return [folder]
-    suffixes = (*FORMATS_BY_SUFFIX, ".csv")
-    files = (file for file in folder.iterdir() if file.is_file() or file.suffix)
-    return sorted(file for file in files if file.suffix.lower() in suffixes or format_of(file))
+    if is_list(folder):
+        return read_list(folder)
+    is_one = not folder.is_dir() or (folder / "metadata.yaml").exists()
+    return [ListedFlight(file) for file in ([folder] if is_one else recordings_in(folder))]
+
+
+def sides_of_a_list(
+    path: Path, paths: Sequence[Any], law: str, against: Sequence[Any], pair: bool
+) -> tuple[list[list[ListedFlight]], bool]:
+    """Return the flights of two laws of a list, and whether they are in pairs, which are in order.
+
+    Raises
+    ------
+    EqtError
+        If the laws are not clear, or a pair is not complete.
+    """
+    flights = read_list(path)
+    laws = [*dict.fromkeys(x.law for x in flights if x.law)]
+    names = ", ".join(laws) or "none; write it into its column law"
+    if len(paths) > 1:
+        raise EqtError(f"{path}: a list of flights stands alone; got {len(paths)} files")
+    wanted = [f"{x}" for x in against]
+    if len(wanted) != 1 or wanted[0] not in laws:
+        got = ", ".join(wanted) or "none"
+        raise EqtError(f"against: expected a law of {path} ({names}), got {got}")
+    others = [x for x in laws if x != wanted[0]]
+    if not law and len(others) != 1:
+        raise EqtError(f"law: name the law of A; {path} has {names}")
+    if (law or others[0]) not in others:
+        raise EqtError(f"law: expected another law of {path} ({', '.join(others)}), got {law}")
+    sides = [[x for x in flights if x.law == one] for one in (law or others[0], wanted[0])]
+    if not (pair or all(x.pair for side in sides for x in side)):
+        return sides, False
+    for side, other in (sides, sides[::-1]):
+        counts, there = Counter(x.pair for x in side), {x.pair for x in other}
+        for x in side:
+            if not x.pair or counts[x.pair] > 1 or x.pair not in there:
+                why = f"expected one flight of law {other[0].law} and one of {x.law} in a pair"
+                raise EqtError(f"{x.place}: pair: {why}, got '{x.pair}'; empty the column of all")
+    order = [x.pair for x in sides[0]]
+    return [sides[0], sorted(sides[1], key=lambda x: order.index(x.pair))], True
 
 
 def seconds_of(times: Array) -> float:
@@ -214,17 +251,14 @@ class Evaluated(NamedTuple):
         For each lap, or for the whole flight, `Flown` behind its digest.
     shift
         The delay that explains most of the errors, s; None if none is significant.
+    motion
+        The motion, as `Motion.as_text` writes it; empty if nothing moves.
     """
 
     topics: dict[str, str]
     rows: list[Any]
     shift: float | None
-
-
-def digest_of(file: Path) -> str:
-    """Return the SHA-256 of a recording."""
-    parts = sorted(file.iterdir()) if file.is_dir() else [file]
-    return sha256(b"".join(content_of(part, MAX_BYTES) for part in parts)).hexdigest()
+    motion: str = ""
 
 
 @contextmanager
@@ -266,9 +300,13 @@ def _content(value: Any) -> str:
     return digest_of(Path(value)) if is_file else repr(value)
 
 
-def evaluated(file: Path, tracked: Tracked, of: str, period: float, within: str) -> Evaluated:
+def evaluated(
+    flight: ListedFlight, tracked: Tracked, of: str, period: float, within: str
+) -> Evaluated:
     """Return the errors of a flight, or of the laps `within` one; refuse what is no unit."""
-    tracking = tracked(file)
+    file = flight.file
+    with placed(flight):
+        tracking = tracked(flight)
     t = next(iter(tracking.curves.values()))[0]
     begin, end = t[0], np.nextafter(t[-1], np.inf)
     seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
@@ -284,35 +322,45 @@ def evaluated(file: Path, tracked: Tracked, of: str, period: float, within: str)
         raise EqtError(f"{file}: {end - begin:.4g} s are too few for laps of {period:g} s")
     laps = [cuts[k : k + 2] for k in range(len(within))] or [cuts]
     rows = [flown(f"{file}", tracking, of, lap) for lap in laps]
+    for *_, settings in rows:
+        settings |= flight.settings
     shift = next((size.delay for size in tracking.sizes if math.isfinite(size.delay)), None)
-    return Evaluated(dict(tracking.topics) if tracking.flight else {}, rows, shift)
+    motion = motion_of(tracking.actual)
+    words = motion.as_text() if motion else ""
+    return Evaluated(dict(tracking.topics) if tracking.flight else {}, rows, shift, words)
 
 
 def read_flights(
-    files: Sequence[tuple[str, Path]],
+    flights: Sequence[tuple[str, ListedFlight]],
     tracked: Tracked,
     of: str,
     period: float,
     within: str,
     measured: dict[str, Evaluated],
     shifts: dict[Path, float],
+    duplicates: bool = False,
 ) -> Iterator[Flown]:
     """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit.
 
-    A recording that stands twice is refused before anything is evaluated. Of recordings that are
+    A recording that stands twice is refused before anything is evaluated, and one of the same
+    motion before anything is returned, unless `duplicates` count. Of recordings that are
     `measured`, by digest, nothing is evaluated; the others are added. `shifts` gets that of each
     file.
     """
-    first, topics, digests = dict[str, Path](), dict[str, tuple[str, Path]](), list[str]()
-    for _, file in files:
-        digests.append(digest_of(file))
-        if first.setdefault(digests[-1], file) is not file:
-            same = first[digests[-1]]
-            raise EqtError(f"{file}: the same recording as {same}; a flight counts once")
-    for (side, file), digest in zip(files, digests, strict=True):
+    topics = dict[str, tuple[str, Path]]()
+    digests = _digests([one for _, one in flights], duplicates)
+    for (_, one), digest in zip(flights, digests, strict=True):
         if digest not in measured:
-            measured[digest] = evaluated(file, tracked, of, period, within)
-        flight = measured[digest]
+            measured[digest] = evaluated(one, tracked, of, period, within)
+        reporter().advance(1)
+    if not duplicates:
+        texts = [
+            (one.file, measured[k].motion) for (_, one), k in zip(flights, digests, strict=True)
+        ]
+        for twin in twins({f"{file}": motion_from(text) for file, text in texts if text}):
+            raise EqtError(f"{twin.name}: {twin.words} as {twin.first}; {ONCE}")
+    for (side, one), digest in zip(flights, digests, strict=True):
+        flight, file = measured[digest], one.file
         if flight.shift is not None:
             shifts[file] = flight.shift
         for quantity, pair in flight.topics.items():
@@ -322,7 +370,22 @@ def read_flights(
         for k, row in enumerate(flight.rows):
             name = (within[k], f"{file} lap {k + 1}") if within else (side, f"{file}")
             yield Flown(*name, digest, *row)
-        reporter().advance(1)
+
+
+ONCE = "a flight counts once: leave one out, or include both by --duplicates"
+
+
+def _digests(flights: Sequence[ListedFlight], duplicates: bool) -> list[str]:
+    """Return what tells flights apart; refuse a recording that stands twice."""
+    first, digests = dict[str, Path](), list[str]()
+    for one in flights:
+        parts = {name: _content(value) for name, value in one.how.items()}
+        whole = digest_of(one.file)
+        digests.append(sha256(f"{whole} {parts}".encode()).hexdigest() if parts else whole)
+        same = first.setdefault(f"{whole} {one.begin} {one.end}", one.file)
+        if same is not one.file and not duplicates:
+            raise EqtError(f"{one.file}: the same recording as {same}; {ONCE}")
+    return digests
 
 
 MOST_APART = 0.25

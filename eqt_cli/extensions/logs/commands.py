@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,12 +13,15 @@ from eqt_cli.base.extensions import functions_for, shipped
 from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
-from eqt_cli.cli.output import laid_out, print_findings, say
+from eqt_cli.cli.output import count_of, laid_out, print_findings, say
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.logs.error_options import FORMATS, Errors
+from eqt_cli.extensions.logs.first_bytes import format_of
 
 if TYPE_CHECKING:
     from eqt_cli.extensions.logs.log_check import LogCheck
+
+FILES = f"Table, log ({', '.join(FORMATS_BY_SUFFIX)}), folder or list of flights."
 
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
@@ -38,19 +41,19 @@ def log() -> None:
 
 @log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
 def check_log(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help=f"Table, or log: {', '.join(FORMATS_BY_SUFFIX)}.")
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help=FILES)],
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
     group: Annotated[str | None, options.option("--group")] = None,
+    out: Annotated[Path | None, options.option("--out")] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Show what a recording contains; exit 2 if it cannot be used.
 
     It lists the topics and columns with their meaning, the units, the rate, gaps, inconsistencies,
-    and the mapping used.
+    and the mapping used. Of a folder, or of a list of flights, it prints a line for each recording,
+    and which of them stand twice.
 
     Options
     -------
@@ -58,9 +61,15 @@ def check_log(
         --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
         --format NAME  csv, tum or euroc. Default: by the first row.
         --group NAME  Group of the poses. Default: the one that fits the columns.
+    Result
+        --out FILE  List of the flights to write, such as flights.csv.
     """
     from eqt_cli import api
+    from eqt_cli.extensions.logs.flight_list import is_list
 
+    if out is not None or is_list(file) or (file.is_dir() and not format_of(file)):
+        _check_flights(file, mapping, format_, out, json)
+        return
     checked = api.check_log(file, mapping, format=format_, group=group)
     if json:
         output.print_json(asdict(checked) | {"mapping": checked.mapping})
@@ -73,7 +82,7 @@ def check_log(
 @log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
 @options.spread
 def log_errors(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or list of flights.")],
     second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
@@ -84,7 +93,8 @@ def log_errors(
 ) -> None:
     """Evaluate the errors from the setpoints: position, velocity, attitude and rates.
 
-    The smoother of measurement and setpoints is interpolated to the instants of the other.
+    The smoother of measurement and setpoints is interpolated to the instants of the other. Of a
+    list of flights, a row for each is printed.
 
     Options
     -------
@@ -108,9 +118,17 @@ def log_errors(
         --out DIR  Folder for the figure errors, and CSV of the errors over time.
     """
     from eqt_cli import api
+    from eqt_cli.extensions.logs.flight_list import is_list, read_list
     from eqt_cli.extensions.logs.logs import error_table
+    from eqt_cli.extensions.logs.many import errors_of_flights
 
     span = {"begin": how.begin or "-inf", "end": how.end or "inf"}
+    if is_list(file):
+        every: Any = {"mapping": mapping, "format": format_, "second": second}
+        several = errors_of_flights(read_list(file), **vars(how) | span | every | {"out": None})
+        document = {"flights": several.rows, "notes": several.notes}
+        print_findings(document, laid_out(several.table()), json=json)
+        return
     errors = api.log_errors(file, second, mapping, format=format_, **vars(how) | span)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
@@ -118,6 +136,23 @@ def log_errors(
     print_findings(document, laid_out(error_table(errors)), json=json)
     if how.out is not None:
         say(f"figure and CSV in {how.out}")
+
+
+def _check_flights(
+    file: Path, mapping: Path | None, format_: str, out: Path | None, json: bool
+) -> None:
+    """Print a line for each flight; exit 2 if one cannot be used."""
+    from eqt_cli import api
+
+    check = api.check_flights(file, mapping, format=format_, out=out)
+    print_findings({"flights": [x.record for x in check.lines]}, laid_out(check.table()), json=json)
+    problems = [line.problem for line in check.lines if line.problem]
+    for problem in problems:
+        output.complain(problem, "error")
+    if out is not None:
+        say(f"{len(check.usable)} of {count_of(len(check.lines), 'flight')} in {out}")
+    if problems:
+        raise typer.Exit(2)
 
 
 def _print_log(checked: LogCheck) -> None:

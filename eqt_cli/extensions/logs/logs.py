@@ -496,8 +496,8 @@ class TrackingErrors(NamedTuple):
         The times of both, and what else was noticed.
     remarks
         Odd rows that were not used, and the drift over metres of path.
-    goals
-        The setpoints that count, by the quantity.
+    goals, actual
+        The setpoints that count, and the measurements between begin and end, by the quantity.
     flight
         All topics of a log.
     """
@@ -508,6 +508,7 @@ class TrackingErrors(NamedTuple):
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     goals: Mapping[str, Series] = MappingProxyType({})
+    actual: Mapping[str, Series] = MappingProxyType({})
     flight: Flight | None = None
 
     @property
@@ -738,13 +739,17 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{actual[q].topic} − {wanted[q].topic}" for q in curves}
-    goals, (edges, counts) = dict[str, Series](), spans
-    for q in curves:
-        t = wanted[q].times
-        inside = counts[np.searchsorted(edges, t, "right")] & (window[0] <= t) & (t <= window[1])
-        goals[q] = wanted[q]._replace(times=t[inside], numbers=wanted[q].numbers[inside])
+    goals = {q: _within(wanted[q], window, spans) for q in curves}
+    within = {q: _within(one, window) for q, one in actual.items()}
     notes = (f"times: {times}, by one clock",)
-    return TrackingErrors(sizes, curves, topics, notes, (*drift, *odd), goals)
+    return TrackingErrors(sizes, curves, topics, notes, (*drift, *odd), goals, within)
+
+
+def _within(one: Series, window: Sequence[float], spans: tuple[Array, Array] = NO_SPANS) -> Series:
+    """Return a series between two times, and where spans count."""
+    (edges, counts), t = spans, one.times
+    inside = counts[np.searchsorted(edges, t, "right")] & (window[0] <= t) & (t <= window[1])
+    return one._replace(times=t[inside], numbers=one.numbers[inside])
 
 
 def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:

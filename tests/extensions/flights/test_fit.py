@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -46,6 +47,21 @@ def test_the_true_numbers_are_found(recorded):
     written = eqt_cli.load_experiment(found.config).base.resolved
     assert written["plant"]["inertia"]["relative"] == found.numbers[0].value
     assert written["plant"]["forces"][0]["linear"] == [found.numbers[1].value] * 3
+
+
+@pytest.mark.ci("fits twice")
+def test_flights_of_a_list_are_fitted_together(recorded):
+    """No window reaches from one to the next, so that the numbers are as exact as of one."""
+    recorded(noise=0.0)
+    recorded(noise=0.0, named="other.csv", without=(60, 70))
+    Path("flights.csv").write_text("file,begin\nflight.csv,\nother.csv,+0.5\n")
+    found = eqt_cli.fit(model("SO3"), "flights.csv", [INERTIA, ABOUT], horizon=0.6)
+    assert [n.value for n in found.numbers] == pytest.approx([RELATIVE, 0.05], rel=1e-5)
+    words = "2 flights, one after the other: flight.csv and other.csv"
+    assert any(words in note for note in found.notes)
+    Path("flights.csv").write_text("file,begin\nflight.csv,\nother.csv,99\n")
+    said = refusal(EqtError, eqt_cli.fit, model("SO3"), "flights.csv", [INERTIA])
+    assert says(said, "flights.csv:3: begin: no rows are left; the recording is from 0 to 4 s")
 
 
 @pytest.mark.ci("integrates 60 pieces here, and compiles")

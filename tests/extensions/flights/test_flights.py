@@ -242,9 +242,11 @@ def test_a_file_counts_once(fly, read):
     of_a, of_b = fly()
     Path("b2.ulg").write_text("a1.ulg")
     assert refusal(EqtError, compare_flights, of_a, of_b) == (
-        "b2.ulg: the same recording as a1.ulg; a flight counts once"
+        "b2.ulg: the same recording as a1.ulg; a flight counts once: leave one out, or include "
+        "both by --duplicates"
     )
     assert not read
+    assert len(compare_flights(of_a, of_b, duplicates=True).flights) == 12
 
 
 def test_a_second_look_evaluates_new_flights_and_those_that_are_read_otherwise(
@@ -484,3 +486,57 @@ def test_the_command_on_tables(invoke):
     lines = done.stdout.splitlines()
     assert lines[0] == "side,file,digest,laps,seconds,speed,wind,position"
     assert [line.split(",")[1] for line in lines[1:4]] == ["a0.csv", "b0.csv", "a1.csv"]
+
+
+# A list of flights --------------------------------------------------------------------------------
+
+
+def listed(fly, rows, columns="file,law,pair,wind"):
+    for name, error in zip((f"{k}.ulg" for k in range(12)), [*A, *B], strict=True):
+        fly.one(name, error)
+    Path("flights.csv").write_text("\n".join([columns, *rows]))
+    return ["flights.csv"]
+
+
+def test_a_list_gives_laws_and_factors(fly):
+    rows = [
+        f"{k}.ulg,{'new' if k < 6 else 'old'},,{'calm' if k < 6 else 'gusts'}" for k in range(12)
+    ]
+    found = compare_flights(listed(fly, rows), ["old"])
+    assert str(found.pairs[0]) == str(compare_flights(*fly()).pairs[0])
+    assert (found.paired, found.premises[0]) == (False, "wind gusts → calm in all")
+
+
+def test_pairs_of_a_list_are_in_any_order(fly):
+    rows = [f"{k}.ulg,new,{k},calm" for k in range(6)]
+    rows += [f"{k + 6}.ulg,old,{k},calm" for k in (3, 1, 0, 2, 5, 4)]
+    found = compare_flights(listed(fly, rows), ["old"])
+    assert found.paired
+    assert str(found.pairs[0]) == str(compare_flights(*fly(), pair=True).pairs[0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "against", "law", "said"),
+    [
+        (["0.ulg,new,,"], [], "", "against: expected a law of flights.csv (new), got none"),
+        (["0.ulg,,,"], ["old"], "", "against: expected a law of flights.csv (none; write it into…"),
+        (["0.ulg,a,,", "1.ulg,b,,", "2.ulg,c,,"], ["a"], "", "law: name the law of A;…a, b, c"),
+        (["0.ulg,a,,", "1.ulg,b,,"], ["a"], "c", "law: expected another law of…(b), got c"),
+        (["0.ulg,a,1,", "1.ulg,b,2,"], ["a"], "", "flights.csv:3: pair: expected one…"),
+    ],
+)
+def test_what_a_list_leaves_open_is_asked_for(fly, rows, against, law, said):
+    assert says(refusal(EqtError, compare_flights, listed(fly, rows), against, law=law), said)
+
+
+def test_one_motion_of_two_names_counts_once():
+    wanted = np.c_[np.cos(T), np.sin(1.3 * T), 0 * T + 1]
+    header = "t,x,y,z,x_ref,y_ref,z_ref"
+    for name, seed, late in ("a", 0, 0.0), ("b", 1, 0.0), ("c", 0, 3.0):
+        flown = wanted + 0.01 * np.random.default_rng(seed).normal(size=wanted.shape)
+        rows = np.c_[T + late, flown, wanted]
+        np.savetxt(f"{name}.csv", rows, delimiter=",", header=header, comments="")
+    said = refusal(EqtError, compare_flights, ["a.csv", "b.csv"], ["c.csv"])
+    assert says(said, "c.csv: the same motion, by a clock 3 s ahead…as a.csv; a flight…once…")
+    both = compare_flights(["a.csv", "b.csv"], ["c.csv"], duplicates=True)
+    assert len(both.flights) == 3

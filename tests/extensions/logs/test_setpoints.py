@@ -136,10 +136,12 @@ def test_cells_with_lists_units_and_quoted_times_are_read():
 
 def test_one_desired_motion_does_not_fit_flights_that_start_otherwise():
     names = [[f"{side}{k}.csv" for k in range(5)] for side in "ab"]
+    noise = np.random.default_rng(0)
     for late, files in zip((0.9, 0.1), names, strict=True):
         for k, file in enumerate(files):
             lag = T - late - 0.005 * k
             flown = np.c_[np.cos(lag), np.sin(1.3 * lag), 1 + 0.1 * np.sin(lag)]
+            flown += 0.002 * noise.normal(size=flown.shape)  # or it were one flight, shifted
             write("t,x,y,z", T, flown, name=file)
     write("t,x,y,z", T, WANTED, name="wanted.csv")
     said = refusal(EqtError, eqt_cli.compare_flights, *names, second="wanted.csv")
