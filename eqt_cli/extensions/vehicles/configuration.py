@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.extensions.vehicles.bodies import G0, Rotor, Vehicle, Wheel, skew
-from eqt_cli.extensions.vehicles.first_file import attitude_gains, block, written
+from eqt_cli.extensions.vehicles.gains import attitude_gains, block, written
 from eqt_cli.extensions.vehicles.plugins import check_thrusts
 from eqt_cli.extensions.vehicles.request import Request
 
