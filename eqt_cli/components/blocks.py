@@ -63,11 +63,11 @@ class Block:
         port: Callable[[Now], Any] = getattr(self, key)
         return port
 
-    def rates(self, now: "Now", x: Arrays) -> Arrays:
+    def rates(self, ports: "Now", x: Arrays) -> Arrays:
         """Return the time derivatives of its states."""
         return {name: 0.0 * values for name, values in x.items()}
 
-    def step(self, now: "Now", x: Arrays) -> Arrays:
+    def step(self, ports: "Now", x: Arrays) -> Arrays:
         """Return its states after a tick."""
         return x
 
@@ -175,14 +175,14 @@ class Commands(Block):
 
     length: int
 
-    def arrived(self, now: Now) -> Array:
+    def arrived(self, ports: Now) -> Array:
         """Return the command that has arrived."""
-        return now.after(self.name)[COMMANDS][..., : self.length]
+        return ports.after(self.name)[COMMANDS][..., : self.length]
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return the commands with that of the law, if it acts."""
         queue, n = x[COMMANDS], self.length
-        command = now.if_due(CONTROL, now[COMMAND], queue[..., -n:])
+        command = ports.if_due(CONTROL, ports[COMMAND], queue[..., -n:])
         return {COMMANDS: np.concatenate([queue[..., n:], command], axis=-1)}
 
 
@@ -198,7 +198,7 @@ class Clocks(Block):
 
     every: Mapping[str, int]
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return the ticks that are left a tick later."""
         left, every = x[CLOCKS], np.array([*self.every.values()], float)
         return {CLOCKS: where(less(left, 0.5), every + 0.0 * left, left) - 1.0}
@@ -216,13 +216,13 @@ class Held(Block):
 
     source: str
 
-    def output(self, now: Now) -> Array:
+    def output(self, ports: Now) -> Array:
         """Return the torque that is held."""
-        return now.after(self.name)[HELD]
+        return ports.after(self.name)[HELD]
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return the output of the actuator at this tick."""
-        return {HELD: now[self.source]}
+        return {HELD: ports[self.source]}
 
 
 @dataclass(frozen=True)
@@ -257,78 +257,78 @@ class Actuated(Block):
         """The name of the command that it has taken, if it has a clock."""
         return f"{self.name}_{TAKEN}"
 
-    def state(self, now: Now, like: Array) -> Array:
+    def state(self, ports: Now, like: Array) -> Array:
         """Return the states of the actuator."""
-        return now.after(self.name).get(self.name, like[..., :0])
+        return ports.after(self.name).get(self.name, like[..., :0])
 
-    def input(self, now: Now) -> Array:
+    def input(self, ports: Now) -> Array:
         """Return its command."""
-        x = now.after(self.name)
-        command: Array = x[self.taken] if self.taken in x else now[self.source]
+        x = ports.after(self.name)
+        command: Array = x[self.taken] if self.taken in x else ports[self.source]
         return command
 
-    def driven(self, now: Now) -> Array:
+    def driven(self, ports: Now) -> Array:
         """Return its command; NaN where it is infinite and limits would hide it."""
-        u: Array = now[f"{self.name}.input"]
+        u: Array = ports[f"{self.name}.input"]
         return u - (u - u) if self.clips else u
 
-    def at(self, now: Now) -> Actuator:
+    def at(self, ports: Now) -> Actuator:
         """Return the actuator at this time and state."""
         if not self.part.changes:
             return self.part
-        return self.part.at(now.s, now[self.stored] if self.stored else 0.0 * now.s.V)
+        return self.part.at(ports.s, ports[self.stored] if self.stored else 0.0 * ports.s.V)
 
-    def output(self, now: Now) -> Array:
+    def output(self, ports: Now) -> Array:
         """Return what it makes of its command."""
-        u, part = now[f"{self.name}.driven"], now[f"{self.name}.at"]
-        torque: Array = part.output(now.s.G, u, self.state(now, u))
+        u, part = ports[f"{self.name}.driven"], ports[f"{self.name}.at"]
+        torque: Array = part.output(ports.s.G, u, self.state(ports, u))
         return torque
 
-    def reaction(self, now: Now) -> tuple[Array, Array] | None:
+    def reaction(self, ports: Now) -> tuple[Array, Array] | None:
         """Return its force that depends on the velocity, and the rates that go with it."""
-        return self.part.reaction(now.s.G, now.s.V, self.state(now, now.s.V))
+        return self.part.reaction(ports.s.G, ports.s.V, self.state(ports, ports.s.V))
 
-    def arguments(self, now: Now) -> tuple[MatrixLieGroup, Array, Array]:
+    def arguments(self, ports: Now) -> tuple[MatrixLieGroup, Array, Array]:
         """Return what its limits are asked with: the group, its command and its states."""
-        u = now[f"{self.name}.input"]
-        return now.s.G, u, self.state(now, u)
+        u = ports[f"{self.name}.input"]
+        return ports.s.G, u, self.state(ports, u)
 
-    def signals(self, now: Now) -> Arrays:
+    def signals(self, ports: Now) -> Arrays:
         """Return its signals over time."""
-        G, u, x = self.arguments(now)
-        values: Arrays = now[f"{self.name}.at"].signals(G, now.s.V, u, x)
+        G, u, x = self.arguments(ports)
+        values: Arrays = ports[f"{self.name}.at"].signals(G, ports.s.V, u, x)
         return values
 
-    def momentum(self, now: Now) -> Array:
+    def momentum(self, ports: Now) -> Array:
         """Return the momentum A h of wheels in the body frame."""
         wheels: Any = self.part
-        momentum: Array = wheels.stored(self.state(now, now.s.V))
+        momentum: Array = wheels.stored(self.state(ports, ports.s.V))
         return momentum
 
-    def rates(self, now: Now, x: Arrays) -> Arrays:
+    def rates(self, ports: Now, x: Arrays) -> Arrays:
         """Return the rates by its command, and those of its reaction."""
         rates = {name: 0.0 * values for name, values in x.items()}
         if self.name not in x:
             return rates
         if not self.held:
-            part, u = now[f"{self.name}.at"], now[f"{self.name}.driven"]
-            rates[self.name] = part.state_rate(now.s.G, u, x[self.name])
-        if (reaction := now[f"{self.name}.reaction"]) is not None:
+            part, u = ports[f"{self.name}.at"], ports[f"{self.name}.driven"]
+            rates[self.name] = part.state_rate(ports.s.G, u, x[self.name])
+        if (reaction := ports[f"{self.name}.reaction"]) is not None:
             rates[self.name] = rates[self.name] + reaction[1]
         return rates
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return its states after it has taken its command, if it does at ticks."""
         if not self.period or not x:
             return x
-        after, u, G = dict(x), now[self.source], now.s.G
+        after, u, G = dict(x), ports[self.source], ports.s.G
         if self.taken in x:
-            u = after[self.taken] = now.if_due(self.name, u, x[self.taken])
+            u = after[self.taken] = ports.if_due(self.name, u, x[self.taken])
         if self.name in x:
             if isinstance(self.part, Solving) and self.part.solves:
-                u = now[SOLVED] if SOLVED in now else self.part.solution(G, u)
+                u = ports[SOLVED] if SOLVED in ports else self.part.solution(G, u)
             later = self.part.step(G, u, x[self.name], self.period)
-            after[self.name] = now.if_due(self.name, later, x[self.name])
+            after[self.name] = ports.if_due(self.name, later, x[self.name])
         return after
 
 
@@ -344,10 +344,10 @@ class Burning(Block):
 
     thrusters: str
 
-    def rates(self, now: Now, x: Arrays) -> Arrays:
+    def rates(self, ports: Now, x: Arrays) -> Arrays:
         """Return Σ|f|/(g₀ isp)."""
-        thrust = now[f"{self.thrusters}.signals"]["thrust"]
-        flow = absolute(thrust) / (GRAVITY * now[f"{self.thrusters}.at"].isp)
+        thrust = ports[f"{self.thrusters}.signals"]["thrust"]
+        flow = absolute(thrust) / (GRAVITY * ports[f"{self.thrusters}.at"].isp)
         return {PROPELLANT: stack([flow.sum(axis=-1)])}
 
 
@@ -366,22 +366,22 @@ class Forces(Block):
     vehicle: Vehicle
     source: str
 
-    def torque(self, now: Now) -> Array:
+    def torque(self, ports: Now) -> Array:
         """Return the torque of the last actuator, or the command that has arrived."""
-        torque: Array = now[self.source]
+        torque: Array = ports[self.source]
         return torque
 
-    def with_reactions(self, now: Now) -> Array:
+    def with_reactions(self, ports: Now) -> Array:
         """Return the torque with the reactions of all actuators."""
-        torque = now[self.source]
-        for block in now.blocks.actuated:
-            if (reaction := now[f"{block.name}.reaction"]) is not None:
+        torque = ports[self.source]
+        for block in ports.blocks.actuated:
+            if (reaction := ports[f"{block.name}.reaction"]) is not None:
                 torque = torque + reaction[0]
         return torque
 
-    def acting(self, now: Now) -> Array:
+    def acting(self, ports: Now) -> Array:
         """Return the force that would move the law's model as the true plant moves."""
-        return acting_force(self.vehicle, now.s, now["forces.with_reactions"])
+        return acting_force(self.vehicle, ports.s, ports["forces.with_reactions"])
 
 
 def acting_force(vehicle: Vehicle, s: Tracking, torque: Array) -> Array:
@@ -400,45 +400,45 @@ def acting_force(vehicle: Vehicle, s: Tracking, torque: Array) -> Array:
     return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
 
 
-def solution(now: Now) -> Array:
+def solution(ports: Now) -> Array:
     """Return the solution of the actuator that `solves`, at a tick, ``(runs, n)``."""
-    for block in now.blocks.actuated:
+    for block in ports.blocks.actuated:
         if isinstance(block.part, Solving) and block.part.solves:
-            return block.part.solution(now.s.G, now[f"{block.name}.input"])
-    return now.s.P[..., :0]
+            return block.part.solution(ports.s.G, ports[f"{block.name}.input"])
+    return ports.s.P[..., :0]
 
 
 # What signals read of actuators -------------------------------------------------------------------
 
 
-def signals(now: Now) -> dict[str, Array]:
+def signals(ports: Now) -> dict[str, Array]:
     """Return the signals of the actuators' own, by name."""
     named: dict[str, Array] = {}
-    for block in now.blocks.actuated:
+    for block in ports.blocks.actuated:
         if block.part.shows:
-            named |= now[f"{block.name}.signals"]
+            named |= ports[f"{block.name}.signals"]
     return named
 
 
-def beyond_limits(now: Now) -> Array:
+def beyond_limits(ports: Now) -> Array:
     """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
-    beyond = np.zeros(now.s.P.shape[:-1])
-    for block in now.blocks.actuated:
-        if (flags := now[f"{block.name}.at"].at_limit(*block.arguments(now))) is not None:
+    beyond = np.zeros(ports.s.P.shape[:-1])
+    for block in ports.blocks.actuated:
+        if (flags := ports[f"{block.name}.at"].at_limit(*block.arguments(ports))) is not None:
             beyond = where(less(0.5, flags), 1.0, beyond)
     return beyond
 
 
-def cut_axes(now: Now, limits: bool) -> Array:
+def cut_axes(ports: Now, limits: bool) -> Array:
     """Return 1 along axes where limits change the input of any actuator, else 0, ``(..., m)``.
 
     A difference of the size of rounding is none.
     """
-    flags = 0.0 * now.s.P
+    flags = 0.0 * ports.s.P
     if limits:
-        for block in now.blocks.actuated:
-            part = now[f"{block.name}.at"]
-            G, u, x = block.arguments(now)
+        for block in ports.blocks.actuated:
+            part = ports[f"{block.name}.at"]
+            G, u, x = block.arguments(ports)
             torque = part.requested(u) if part.takes == THRUSTS else u
             most = 1e-12 * (1 + absolute(torque))
             flags = where(less(most, absolute(torque - part.within(G, u, x))), 1.0, flags)
@@ -463,19 +463,19 @@ class Reading(Block):
     sensor: DynamicSensor
     source: str
 
-    def _read(self, now: Now) -> Array:
-        V: Array = now[self.source] if self.source else now.s.V
+    def _read(self, ports: Now) -> Array:
+        V: Array = ports[self.source] if self.source else ports.s.V
         return V
 
-    def velocity(self, now: Now) -> Array:
+    def velocity(self, ports: Now) -> Array:
         """Return the velocity as it is read."""
-        V, axes = self._read(now).copy(), self.sensor.axes(now.s.G)
-        V[..., axes] = self.sensor.reading(V[..., axes], now.after(self.name)[self.name])
+        V, axes = self._read(ports).copy(), self.sensor.axes(ports.s.G)
+        V[..., axes] = self.sensor.reading(V[..., axes], ports.after(self.name)[self.name])
         return V
 
-    def rates(self, now: Now, x: Arrays) -> Arrays:
+    def rates(self, ports: Now, x: Arrays) -> Arrays:
         """Return the rate of its state."""
-        part = self._read(now)[..., self.sensor.axes(now.s.G)]
+        part = self._read(ports)[..., self.sensor.axes(ports.s.G)]
         return {self.name: self.sensor.state_rate(part, x[self.name])}
 
 
@@ -491,13 +491,13 @@ class Feeling(Block):
 
     vehicle: Vehicle
 
-    def force(self, now: Now) -> Array:
+    def force(self, ports: Now) -> Array:
         """Return the specific force."""
-        return felt(self.vehicle, now.s, now["forces.acting"])[0]
+        return felt(self.vehicle, ports.s, ports["forces.acting"])[0]
 
-    def rates(self, now: Now, x: Arrays) -> Arrays:
+    def rates(self, ports: Now, x: Arrays) -> Arrays:
         """Return the rates of the states."""
-        return felt(self.vehicle, now.s, now["forces.acting"])[1]
+        return felt(self.vehicle, ports.s, ports["forces.acting"])[1]
 
 
 @dataclass(frozen=True)
@@ -512,31 +512,31 @@ class Noisy(Block):
 
     source: str
 
-    def pose(self, now: Now) -> Array:
+    def pose(self, ports: Now) -> Array:
         """Return Q_m."""
-        return now.s.Q if now.errors is None else now.s.Q @ now.errors.pose
+        return ports.s.Q if ports.errors is None else ports.s.Q @ ports.errors.pose
 
-    def velocity(self, now: Now) -> Array:
+    def velocity(self, ports: Now) -> Array:
         """Return V_m."""
-        V: Array = now[self.source] if self.source else now.s.V
-        return V if now.errors is None else V + now.errors.velocity
+        V: Array = ports[self.source] if self.source else ports.s.V
+        return V if ports.errors is None else V + ports.errors.velocity
 
-    def magnetometer(self, now: Now) -> Array | None:
+    def magnetometer(self, ports: Now) -> Array | None:
         """Return B_m; None without a field."""
-        B: Array | None = now.s.flux
-        return B if B is None or now.errors is None else B + now.errors.flux
+        B: Array | None = ports.s.flux
+        return B if B is None or ports.errors is None else B + ports.errors.flux
 
-    def accelerometer(self, now: Now) -> Array:
+    def accelerometer(self, ports: Now) -> Array:
         """Return f_m."""
-        force: Array = now["felt.force"]
-        noise = None if now.errors is None else now.errors.felt
+        force: Array = ports["felt.force"]
+        noise = None if ports.errors is None else ports.errors.felt
         return force if noise is None or not noise.shape[-1] else force + noise
 
-    def depth(self, now: Now) -> Array:
+    def depth(self, ports: Now) -> Array:
         """Return Q with the last coordinate of the position as it is measured."""
-        Q, (part,) = now.s.Q.copy(), depth_of(now.s.G)
-        if now.errors is not None:
-            Q[(..., *part.entries)] = Q[(..., *part.entries)] + now.errors.depth[..., None]
+        Q, (part,) = ports.s.Q.copy(), depth_of(ports.s.G)
+        if ports.errors is not None:
+            Q[(..., *part.entries)] = Q[(..., *part.entries)] + ports.errors.depth[..., None]
         return Q
 
 
@@ -556,22 +556,22 @@ class Arrived(Block):
         """Return the function of a measurement."""
         channels = [channel for channel in self.holding if channel.signal == key]
 
-        def arrived(now: Now) -> Any:
-            value = now[f"noisy.{key}"]
-            if now.errors:
+        def arrived(ports: Now) -> Any:
+            value = ports[f"noisy.{key}"]
+            if ports.errors:
                 for channel in channels:
-                    value = channel.read(value, now.after(self.name)[channel.name])
+                    value = channel.read(value, ports.after(self.name)[channel.name])
             return value
 
         return arrived
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return the measurements on their way, or held."""
-        if now.errors is None:
+        if ports.errors is None:
             return x
         after = {}
         for k, channel in enumerate(self.holding):
-            value, flags = now[f"noisy.{channel.signal}"], now.errors.arrived[..., k]
+            value, flags = ports[f"noisy.{channel.signal}"], ports.errors.arrived[..., k]
             after[channel.name] = channel.measured(value, x[channel.name], flags)
         return after
 
@@ -597,17 +597,17 @@ class Estimating(Block):
     def port(self, key: str) -> Callable[[Now], Any]:
         """Return the function of a measurement, or of its estimate."""
 
-        def estimated(now: Now) -> Any:
-            if now.errors is None or key not in SIGNALS[:2]:
-                return now[f"arrived.{key}"]
-            estimate = now.after(self.name)[f"{self.name}_{key}"]
-            return now.s.G.unpack(estimate) if key == "pose" else estimate
+        def estimated(ports: Now) -> Any:
+            if ports.errors is None or key not in SIGNALS[:2]:
+                return ports[f"arrived.{key}"]
+            estimate = ports.after(self.name)[f"{self.name}_{key}"]
+            return ports.s.G.unpack(estimate) if key == "pose" else estimate
 
         return estimated
 
-    def step(self, now: Now, x: Arrays) -> Arrays:
+    def step(self, ports: Now, x: Arrays) -> Arrays:
         """Return its states after the measurements of this tick."""
-        if (errors := now.errors) is None:
+        if (errors := ports.errors) is None:
             return x
         fresh = [
             where(
@@ -617,9 +617,9 @@ class Estimating(Block):
             else 1.0
             for part in self.schedule.timed
         ]
-        flags = stack([flag + 0.0 * now.s.V[..., 0] for flag in fresh])
-        arrived = now["arrived.pose"], now["arrived.velocity"]
-        measured = Measurement(*arrived, flags, now.s.Q, errors.bias, now)
+        flags = stack([flag + 0.0 * ports.s.V[..., 0] for flag in fresh])
+        arrived = ports["arrived.pose"], ports["arrived.velocity"]
+        measured = Measurement(*arrived, flags, ports.s.Q, errors.bias, ports)
         after = self.estimator.after(self.schedule, measured, estimator_states(x))
         return {f"{self.name}_{name}": values for name, values in after.items()}
 
@@ -683,24 +683,24 @@ def blocks_of(vehicle: Vehicle, G: MatrixLieGroup, *others: Block) -> Blocks:
     return Blocks(blocks)
 
 
-def at_start(now: Now) -> dict[str, Array]:
+def at_start(ports: Now) -> dict[str, Array]:
     """Return states at the start of a run that follow from its first command.
 
     It has then been given before, too.
     """
-    states, passed = dict[str, Array](), now[COMMAND]
-    for block in now.blocks.actuated:
-        part = now[f"{block.name}.at"]
+    states, passed = dict[str, Array](), ports[COMMAND]
+    for block in ports.blocks.actuated:
+        part = ports[f"{block.name}.at"]
         if isinstance(part, Running) and part.runs:
-            states[block.name] = part.running(now.s.G, passed)
+            states[block.name] = part.running(ports.s.G, passed)
         elif part.takes == "rates" or not block.stretches:
-            x = now.after(block.name)
-            passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
+            x = ports.after(block.name)
+            passed = part.output(ports.s.G, passed, x.get(block.name, passed[..., :0]))
         if block.taken in block.stretches:
-            states[block.taken] = now[COMMAND][..., : now.s.vehicle[block.taken].shape[-1]]
-    if (queue := now.s.vehicle.get(COMMANDS)) is not None:
-        count = queue.shape[-1] // now[COMMAND].shape[-1]
-        states[COMMANDS] = np.concatenate([now[COMMAND]] * count, axis=-1)
-    if HELD in now.s.vehicle:
-        states[HELD] = now[COMMAND][..., : now.s.G.dimension]
+            states[block.taken] = ports[COMMAND][..., : ports.s.vehicle[block.taken].shape[-1]]
+    if (queue := ports.s.vehicle.get(COMMANDS)) is not None:
+        count = queue.shape[-1] // ports[COMMAND].shape[-1]
+        states[COMMANDS] = np.concatenate([ports[COMMAND]] * count, axis=-1)
+    if HELD in ports.s.vehicle:
+        states[HELD] = ports[COMMAND][..., : ports.s.G.dimension]
     return states

@@ -252,7 +252,7 @@ class Estimator(VehiclePart):
 
     @abstractmethod
     def predicted(
-        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+        self, schedule: Schedule, estimate: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
         """Return the estimate a duration later, s, ``(..., 1)``, which may be 0.
 
@@ -264,7 +264,7 @@ class Estimator(VehiclePart):
 
     @abstractmethod
     def corrected(
-        self, schedule: Schedule, now: Estimate, fix: Fix
+        self, schedule: Schedule, estimate: Estimate, fix: Fix
     ) -> tuple[Estimate, Array | None]:
         """Return the estimate after a fix, and the whitened innovations ``(..., m)``, if any."""
 
@@ -359,13 +359,16 @@ class Estimator(VehiclePart):
         covariance = symmetric(states[f"{prefix}covariance"], 3 * G.dimension)
         return Estimate(pose, bias, covariance, states[f"{prefix}noise"], age)
 
-    def _stored(self, schedule: Schedule, now: Estimate) -> dict[str, Array]:
-        stored = {"pose": schedule.G.pack(now.pose), "bias": now.bias}
+    def _stored(self, schedule: Schedule, estimate: Estimate) -> dict[str, Array]:
+        stored = {"pose": schedule.G.pack(estimate.pose), "bias": estimate.bias}
         if self.has_covariance:
             rows, columns, _ = _triangle(3 * schedule.G.dimension)
-            stored |= {"covariance": now.covariance[..., rows, columns], "noise": now.noise}
+            stored |= {
+                "covariance": estimate.covariance[..., rows, columns],
+                "noise": estimate.noise,
+            }
         if schedule.rare:
-            stored["age"] = now.age
+            stored["age"] = estimate.age
         return stored
 
 
@@ -380,10 +383,10 @@ class _Past:
         self._fresh = [*_cut(states.get("past_fresh"), parts, depth), measured.fresh]
         self._values = []
         for channel in schedule.fixes:
-            now = measured.of(channel)
-            now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
+            value = measured.of(channel)
+            value = value.reshape(*value.shape[: value.ndim - len(channel.shape)], channel.size)
             ring = states.get(f"past_fix_{channel.part.name}")
-            self._values.append([*_cut(ring, channel.size, schedule.waits(channel)), now])
+            self._values.append([*_cut(ring, channel.size, schedule.waits(channel)), value])
         self._delays = schedule.of_axes("velocity", "delay", 0)
 
     @property
@@ -560,21 +563,23 @@ class Complementary(Estimator):
                     break
 
     def predicted(
-        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+        self, schedule: Schedule, estimate: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
         """Return the estimate with Q̂ exp(hV̂)."""
-        return now._replace(pose=now.pose @ schedule.G.exp(duration * (velocity - now.bias)))
+        return estimate._replace(
+            pose=estimate.pose @ schedule.G.exp(duration * (velocity - estimate.bias))
+        )
 
-    def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, None]:
+    def corrected(self, schedule: Schedule, estimate: Estimate, fix: Fix) -> tuple[Estimate, None]:
         """Return the estimate corrected by σ in the measured coordinates."""
         G: MatrixLieGroup = schedule.G
         options: Any = self  # in a run, options are arrays
         intervals = schedule.of_axes("pose", "every", 1) * schedule.period
         squares = (G.basis * G.basis).sum(axis=(-2, -1))
-        slope = mechanics.gradient(G, G.identity, G.inverse(now.pose) @ fix.pose)
+        slope = mechanics.gradient(G, G.identity, G.inverse(estimate.pose) @ fix.pose)
         sigma = intervals * fix.arrived * (slope / squares)
-        pose, bias = now.pose @ G.exp(options.kp * sigma), now.bias - options.ki * sigma
-        return now._replace(pose=pose, bias=bias), None
+        pose, bias = estimate.pose @ G.exp(options.kp * sigma), estimate.bias - options.ki * sigma
+        return estimate._replace(pose=pose, bias=bias), None
 
 
 # Filters with a covariance: the error-state, the equivariant and the invariant one ----------------
@@ -638,7 +643,7 @@ class ErrorStateFilter(Estimator):
         """Return H of log(Q̂⁻¹Q_m) = H ε + n_p, ``(..., m, m)``; the left side is measured."""
 
     @abstractmethod
-    def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
+    def moved(self, G: MatrixLieGroup, estimate: Estimate, by: Array) -> Estimate:
         """Return the estimate moved by a correction of (ε, b̃, n), ``(..., 3m)``."""
 
     @property
@@ -728,23 +733,23 @@ class ErrorStateFilter(Estimator):
         return Estimate(pose, bias, _diagonal(deviations * deviations), bias)
 
     def predicted(
-        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+        self, schedule: Schedule, estimate: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
         """Return the estimate with Q̂ exp(hV̂), and Σ after the step that the class describes.
 
         Without a velocity at the end, the last one is used alone, and n stays, less the drift
         of a bias that is not known yet.
         """
-        G, m, S = schedule.G, schedule.G.dimension, now.covariance
+        G, m, S = schedule.G, schedule.G.dimension, estimate.covariance
         options: Any = self  # in a run, options are arrays
         bias, last = slice(m, 2 * m), slice(2 * m, 3 * m)
-        x = duration * (velocity - now.bias)
+        x = duration * (velocity - estimate.bias)
         step = G.exp(x)
         A, B = G.Ad_matrix(G.inverse(step)), -G.jacobian(-x)
-        end, held = duration * now.share, where(less(0.0, now.share), 0.0, 1.0)
+        end, held = duration * estimate.share, where(less(0.0, estimate.share), 0.0, 1.0)
         start = duration - end
         noise = options.velocity_std * options.velocity_std
-        walk = now.drift * duration * options.bias_walk * options.bias_walk
+        walk = estimate.drift * duration * options.bias_walk * options.bias_walk
         through = duration[..., None] * S[..., bias, :] + start[..., None] * S[..., last, :]
         top = A @ S[..., :m, :] + B @ through
         across = duration[..., None] * top[..., bias] + start[..., None, :] * top[..., last]
@@ -760,20 +765,20 @@ class ErrorStateFilter(Estimator):
         covariance[..., bias, last] = coupling[..., bias, :] - _diagonal(held * walk)
         new = (1.0 - held) * noise + held * walk
         covariance[..., last, last] = held[..., None] * coupling[..., last, :] + _diagonal(new)
-        changed = {"noise": held * now.noise, "covariance": mirrored(covariance)}
-        return now._replace(pose=now.pose @ step, **changed)
+        changed = {"noise": held * estimate.noise, "covariance": mirrored(covariance)}
+        return estimate._replace(pose=estimate.pose @ step, **changed)
 
-    def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
+    def corrected(self, schedule: Schedule, estimate: Estimate, fix: Fix) -> tuple[Estimate, Array]:
         """Return the estimate corrected coordinate by coordinate, and its whitened innovations.
 
         K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
         """
         G, m = schedule.G, schedule.G.dimension
         options: Any = self
-        residual = G.log(G.inverse(now.pose) @ fix.pose)
-        H, S = self.output(G, residual), now.covariance
-        by = 0.0 * np.concatenate([now.bias] * 3, axis=-1)
-        innovations = 0.0 * now.bias
+        residual = G.log(G.inverse(estimate.pose) @ fix.pose)
+        H, S = self.output(G, residual), estimate.covariance
+        by = 0.0 * np.concatenate([estimate.bias] * 3, axis=-1)
+        innovations = 0.0 * estimate.bias
         for axis in schedule.axes:
             h = H[..., axis, :]
             seen = (S[..., :m] @ h[..., None])[..., 0]
@@ -786,7 +791,7 @@ class ErrorStateFilter(Estimator):
             back = variance * K - (left[..., :m] @ h[..., None])[..., 0]
             S = mirrored(left + back[..., :, None] * K[..., None, :])
             innovations[..., axis] = (unexpected / sqrt(total))[..., 0]
-        return self.moved(G, now._replace(covariance=S), by), innovations
+        return self.moved(G, estimate._replace(covariance=S), by), innovations
 
 
 def _diagonal(entries: Array) -> Array:
@@ -822,12 +827,12 @@ class Eqf(ErrorStateFilter):
         """Return I − ½ad_r."""
         return np.eye(G.dimension) - G.ad_matrix(residual) / 2
 
-    def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
+    def moved(self, G: MatrixLieGroup, estimate: Estimate, by: Array) -> Estimate:
         """Return Q̂ exp(δ_ε), b̂ + J(−δ_ε) δ_b, n̂ + δ_n, and Σ transported by Ad_{exp(−δ_ε)}.
 
         The noise n belongs to the sensor, and is not transported.
         """
-        m, covariance = G.dimension, now.covariance
+        m, covariance = G.dimension, estimate.covariance
         step = G.exp(by[..., :m])
         carry = G.Ad_matrix(G.inverse(step))
         for _ in ("rows", "columns"):
@@ -836,11 +841,11 @@ class Eqf(ErrorStateFilter):
             S[..., m : 2 * m, :] = carry @ covariance[..., m : 2 * m, :]
             covariance = transpose(S)
         return Estimate(
-            now.pose @ step,
-            now.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m : 2 * m]),
+            estimate.pose @ step,
+            estimate.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m : 2 * m]),
             mirrored(covariance),
-            now.noise + by[..., 2 * m :],
-            now.age,
+            estimate.noise + by[..., 2 * m :],
+            estimate.age,
         )
 
 
@@ -858,8 +863,8 @@ class Invariant(ErrorStateFilter):
         """Return I."""
         return np.eye(G.dimension) + 0.0 * residual[..., None]
 
-    def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
+    def moved(self, G: MatrixLieGroup, estimate: Estimate, by: Array) -> Estimate:
         """Return Q̂ exp(δ_ε), b̂ + δ_b, n̂ + δ_n."""
-        m, pose = G.dimension, now.pose @ G.exp(by[..., : G.dimension])
-        bias, noise = now.bias + by[..., m : 2 * m], now.noise + by[..., 2 * m :]
-        return now._replace(pose=pose, bias=bias, noise=noise)
+        m, pose = G.dimension, estimate.pose @ G.exp(by[..., : G.dimension])
+        bias, noise = estimate.bias + by[..., m : 2 * m], estimate.noise + by[..., 2 * m :]
+        return estimate._replace(pose=pose, bias=bias, noise=noise)

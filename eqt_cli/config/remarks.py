@@ -157,16 +157,16 @@ def value_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield the remarks on values of the vehicle, which runs may draw, but for its limits."""
     yield from _actuator_remarks(experiment)
     loop, G, section = experiment.loop, experiment.group, section_of_forces(experiment)
-    now, model = body_of(loop.inertia.at(0.0), loop.vehicle), experiment.config.known_forces
+    body, model = body_of(loop.inertia.at(0.0), loop.vehicle), experiment.config.known_forces
     if section == "plant" and model and model != "plant":  # what laws know need not be what acts
         means = weighed(G, tuple(force.of_run(G, None) for force in model), loop.inertia)
         yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")
-    yield from _force_remarks(G, loop.vehicle.forces, now, section)
-    for key, text in _lever_remarks(experiment, now, shown):
+    yield from _force_remarks(G, loop.vehicle.forces, body, section)
+    for key, text in _lever_remarks(experiment, body, shown):
         yield (section, *key), text
     true = (loop.vehicle.configured or loop.vehicle).inertia
     is_rigid = isinstance(true, ConstantInertia) and experiment.config.rigid is not False
-    if is_rigid and (broken := not_rigid(G, now, 0.0)):
+    if is_rigid and (broken := not_rigid(G, body, 0.0)):
         yield ("plant", "inertia"), f"not of a rigid body: its {broken}"
     yield from _sensor_remarks(experiment)
 
@@ -257,7 +257,7 @@ MOST_TURNED = 1 / 3
 sin θ has almost ceased to grow."""
 
 
-def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) -> Placed:
+def _lever_remarks(experiment: Experiment, body: Inertia, shown: Horizon | None) -> Placed:
     """Remark on random forces along a line of space whose lever turns the body too far.
 
     About an axis, θ̈ + d θ̇ + ω² θ = n/J; with a torque n of the deviation σ and the correlation
@@ -269,7 +269,7 @@ def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) 
         if of_lever is None or turning is None:
             continue
         torque, T = of_lever(experiment.group, poses)
-        torque, J = torque[:, turning.axes].max(axis=0), np.diag(now.matrix)[turning.axes]
+        torque, J = torque[:, turning.axes].max(axis=0), np.diag(body.matrix)[turning.axes]
         flown = gains_flown(experiment, shown) if torque.any() else {}
         for label, small in flown.items():
             both = np.array([small.stiffness, small.damping])

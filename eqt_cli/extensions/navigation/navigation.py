@@ -283,12 +283,12 @@ class Navigation(Estimator):
         covariance = symmetric(states[f"{prefix}covariance"], ERRORS)[..., place, :][..., place]
         return Estimate(G.unpack(pose), bias, covariance, speed=speed)
 
-    def _stored(self, schedule: Schedule, now: Estimate) -> dict[str, Array]:
+    def _stored(self, schedule: Schedule, estimate: Estimate) -> dict[str, Array]:
         rows, columns = np.triu_indices(ERRORS)
-        S = now.covariance[..., STORED, :][..., STORED]
+        S = estimate.covariance[..., STORED, :][..., STORED]
         upper = S[..., rows, columns]
-        pose = schedule.G.pack(now.pose)
-        return {"pose": pose, "bias": now.bias, "covariance": upper, "speed": now.speed}
+        pose = schedule.G.pack(estimate.pose)
+        return {"pose": pose, "bias": estimate.bias, "covariance": upper, "speed": estimate.speed}
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
         """Return the estimate at the start, at a pose, with its covariance; v̂ is not known yet."""
@@ -325,7 +325,7 @@ class Navigation(Estimator):
         return after
 
     def predicted(
-        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+        self, schedule: Schedule, estimate: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
         """Return the estimate a duration h later, s, ``(..., 1)``, which may be 0.
 
@@ -335,8 +335,8 @@ class Navigation(Estimator):
             Mean of the measured (ω, f) at both ends.
         """
         part: Any = self
-        h, S = duration, now.covariance
-        omega, f = ((velocity - now.bias)[..., axes] for axes in (TURNS, MOVES))
+        h, S = duration, estimate.covariance
+        omega, f = ((velocity - estimate.bias)[..., axes] for axes in (TURNS, MOVES))
         # Υ = (exp hω, h Γ₁f, h² Γ₂f)
         turn = POSES.exp(np.concatenate([h * omega, h * f], axis=-1))
         W, square = ROTATIONS.hat(h * omega), ((h * omega) ** 2).sum(axis=-1)[..., None]
@@ -359,21 +359,21 @@ class Navigation(Estimator):
         covariance[..., MOTION, MOTION] = top @ transpose(A) - across @ transpose(L) + white
         covariance[..., MOTION, BIASES] = across - L * (drift / 2)[..., None, :]
         covariance[..., BIASES, BIASES] = S[..., BIASES, BIASES] + _diagonal(drift)
-        R, p, g = POSES.rotation(now.pose), now.pose[..., :SPACE, SPACE], part.gravity
-        p = p + h * now.speed + h * h * g / 2 + apply_matrix(R, place)
+        R, p, g = POSES.rotation(estimate.pose), estimate.pose[..., :SPACE, SPACE], part.gravity
+        p = p + h * estimate.speed + h * h * g / 2 + apply_matrix(R, place)
         pose = POSES.assemble(R @ POSES.rotation(turn), p[..., None])
-        speed = now.speed + h * g + apply_matrix(R, moved)
-        return now._replace(pose=pose, speed=speed, covariance=mirrored(covariance))
+        speed = estimate.speed + h * g + apply_matrix(R, moved)
+        return estimate._replace(pose=pose, speed=speed, covariance=mirrored(covariance))
 
-    def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
+    def corrected(self, schedule: Schedule, estimate: Estimate, fix: Fix) -> tuple[Estimate, Array]:
         """Return the estimate corrected coordinate by coordinate, and its whitened innovations.
 
         K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
         """
-        S = now.covariance
+        S = estimate.covariance
         by = np.zeros_like(S[..., 0])
         innovations = 0.0 * fix.arrived
-        for axis, h, residual, variance in self._rows(schedule, now, fix):
+        for axis, h, residual, variance in self._rows(schedule, estimate, fix):
             seen = apply_matrix(S, h)
             total = (h * seen).sum(axis=-1)[..., None] + variance
             K = fix.arrived[..., axis, None] * seen / total
@@ -383,11 +383,11 @@ class Navigation(Estimator):
             back = variance * K - apply_matrix(left, h)
             S = mirrored(left + back[..., :, None] * K[..., None, :])
             innovations[..., axis] = (unexpected / sqrt(total))[..., 0]
-        moved = _extended(now.pose, now.speed) @ EXTENDED.exp(by[..., MOTION])
+        moved = _extended(estimate.pose, estimate.speed) @ EXTENDED.exp(by[..., MOTION])
         place = moved[..., :SPACE, SPACE + 1 :]
         pose, speed = POSES.assemble(EXTENDED.rotation(moved), place), moved[..., :SPACE, SPACE]
-        changed = {"pose": pose, "speed": speed, "bias": now.bias + by[..., BIASES]}
-        return now._replace(**changed, covariance=S), innovations
+        changed = {"pose": pose, "speed": speed, "bias": estimate.bias + by[..., BIASES]}
+        return estimate._replace(**changed, covariance=S), innovations
 
     def _fixed(self, schedule: Schedule, apart: bool, estimate: Arrays, row: Arrays) -> Arrays:
         """Return the estimate after a step with its fix; a heading counts as one innovation."""
