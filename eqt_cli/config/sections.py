@@ -97,9 +97,9 @@ def check_horizon(
     data: TimeVarying, key: str, G: MatrixLieGroup, duration: float, problems: Problems
 ) -> None:
     """Note runs that start before the data of a key over time, outlast them, or meet a gap."""
-    here, (first, last) = problems.at(*parse_key(key)), data.ends(G)
+    place, (first, last) = problems.at(*parse_key(key)), data.ends(G)
     if first > 0:
-        here.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
+        place.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
     if last < duration:
         what = key if key == "reference" else f"recording of {key}"
         problems.at("time", "duration").add(
@@ -107,7 +107,7 @@ def check_horizon(
         )
     within = [gap for gap in data.gaps(G) if gap[0] < duration and sum(gap) > 0]
     for begin, length in within[:1]:
-        here.add(
+        place.add(
             f"has a gap of {length:.4g} s after t = {begin:.6g} s, within the run; end the run "
             f"there, `time: {{duration: {begin:.6g}}}`, or begin after it, `mapping: {{time: "
             "{begin: …, offset: first}}`"
@@ -159,19 +159,19 @@ def check_sensors(
             problems.add(f"needs group SE2 or SE3, got {G.name}; remove this key")
             return
     for index, sensor in enumerate(sensors):
-        here = problems.at(index)
+        place = problems.at(index)
         if isinstance(sensor, Lever) and signal != "accelerometer":
             instead = "move it to sensors.accelerometer"
             if signal == "pose":
                 instead = "poses are measured at the origin of the body: move an antenna's there"
-            here.add(f"lever is of an accelerometer; {instead}")
+            place.add(f"lever is of an accelerometer; {instead}")
         elif signal not in ("velocity", "accelerometer") and isinstance(sensor, DynamicSensor):
-            here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
+            place.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
         if sensor.of is not None and sensor.of not in names:
             parts = ", ".join(names)
-            here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
+            place.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
         if sensor.dropout is not None and not 0 <= sensor.dropout < 1:
-            here.at("dropout").add(
+            place.at("dropout").add(
                 f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
             )
     for part in names:
@@ -200,18 +200,18 @@ def check_estimator(
     vehicle: Vehicle, G: MatrixLieGroup, without_clock: bool, problems: Problems
 ) -> None:
     """Note an estimator without a clock or without fixes, and its wrong options."""
-    here, estimator = problems.at("estimator"), vehicle.estimator
+    place, estimator = problems.at("estimator"), vehicle.estimator
     assert estimator is not None
     if without_clock:
-        here.add("acts at control instants; set control.period")
+        place.add("acts at control instants; set control.period")
     if not vehicle.pose_sensors and not problems.at("sensors"):
-        here.add(
+        place.add(
             "no sensor measures the pose, so its error grows without bound; add an entry to "
             "sensors.pose"
         )
-    if vehicle.control is None or problems.at("sensors") or problems.at("control") or here:
+    if vehicle.control is None or problems.at("sensors") or problems.at("control") or place:
         return
-    estimator.check_sensors(vehicle.schedule(G), vehicle.deviations(G), here)
+    estimator.check_sensors(vehicle.schedule(G), vehicle.deviations(G), place)
 
 
 T = TypeVar("T")
@@ -337,11 +337,11 @@ def _check_weights(
     elif true is not None:
         body = true.of_run(G, None).at(model.at(0.0), 0.0)
     for index in (k for k, force in enumerate(forces) if follows_mass(force)):
-        here = problems.at(index, "gravity")
+        place = problems.at(index, "gravity")
         if not isinstance(body, Inertia):
-            here.add("needs a constant inertia; write the weight m(t) g as kind: expression")
+            place.add("needs a constant inertia; write the weight m(t) g as kind: expression")
         elif mass_of(G, body) is None or (body.added is None and model.at(0.0).added is not None):
-            here.add(
+            place.add(
                 "needs the mass of the body alone, and the inertia has another one by axis; write "
                 "it as {rigid: …, added: …}, and the inertia of the plant relative to it"
             )
@@ -437,15 +437,17 @@ def _sampling(
     divisor = common_divisor([control.period, *(time for _, time, _ in times)])
     tick = control.tick or control.period / round(control.period / divisor)
     every = check_period(control.period, tick, problems.at("period"), "ticks")
-    for here, time, below in times:
+    for place, time, below in times:
         if not 0 <= time < below:
-            here.add(f"expected at least 0 s and less than the period, {below:g} s, got {time:g} s")
+            place.add(
+                f"expected at least 0 s and less than the period, {below:g} s, got {time:g} s"
+            )
         elif time:
-            check_period(time, tick, here, "ticks")
+            check_period(time, tick, place, "ticks")
     period, least = control.period, horizon / MOST_INSTANTS
     odd = [x for x in times if x[1] > period >= least > common_divisor([period, x[1]])]
-    for here, time, _ in odd:
-        check_period(time, period, here, "control periods")
+    for place, time, _ in odd:
+        check_period(time, period, place, "control periods")
     if not problems and not odd and tick < least:
         most = f"{MOST_INSTANTS:,} {'control instants' if every == 1 else 'ticks'} in {horizon:g} s"
         problems.at("period" if every == 1 else "tick").add(
@@ -454,10 +456,10 @@ def _sampling(
     sampling = vehicle_parts.Sampling(control.period, 0, vehicle_parts.Clock(every or 1))
     if problems or odd:
         return sampling
-    for here, part in [(problems, control), *entries]:
+    for place, part in [(problems, control), *entries]:
         ticks = sampling.ticks_of(getattr(part, "delay", None) or 0)
         if ticks > MOST_DELAY:
-            here.at("delay").add(f"expected at most {MOST_DELAY:,} ticks, got {ticks:,}")
+            place.at("delay").add(f"expected at most {MOST_DELAY:,} ticks, got {ticks:,}")
     clock = sampling.clock_of(None, control.offset)
     return vehicle_parts.Sampling(control.period, sampling.ticks_of(control.delay), clock)
 
@@ -467,14 +469,14 @@ def _times(
 ) -> Iterator[tuple[Problems, float, float]]:
     """Yield the times of all clocks with their places, and what they must be less than, s."""
     yield problems.at("offset"), control.offset, control.period
-    for here, part in entries:
+    for place, part in entries:
         if part.period is not None:
-            yield here.at("period"), part.period, math.inf
+            yield place.at("period"), part.period, math.inf
         if part.offset is not None:
-            yield here.at("offset"), part.offset, part.period or control.period
-    for here, late in [(problems, control), *entries]:
+            yield place.at("offset"), part.offset, part.period or control.period
+    for place, late in [(problems, control), *entries]:
         if isinstance(delay := getattr(late, "delay", None), str):
-            yield here.at("delay"), seconds(delay), math.inf
+            yield place.at("delay"), seconds(delay), math.inf
 
 
 def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
@@ -509,23 +511,23 @@ def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Probl
     """Note actuators that act at control instants without a clock or without a held command."""
     moving, before = "", set[str]()
     for index, part in enumerate(parts):
-        here, name = problems.at(index), getattr(part, "acting_at_instants", part.name)
+        place, name = problems.at(index), getattr(part, "acting_at_instants", part.name)
         sampled, dump = part.sampled or part.period is not None, getattr(part, "dump", None)
         if sampled and without_clock:
-            here.add(f"{name} acts at control instants; set control.period")
+            place.add(f"{name} acts at control instants; set control.period")
         elif sampled and moving:
             remedy = f"put it before {moving}"
             if not part.sampled:
                 remedy = f"remove its period: {moving} changes its input at all times"
-            here.add(f"{name} acts on a held command; {remedy}")
+            place.add(f"{name} acts on a held command; {remedy}")
         elif part.offset is not None and part.period is None:
-            here.at("offset").add("applies with a period only; add period")
+            place.at("offset").add("applies with a period only; add period")
         if WHEEL in before and not dump:
-            here.add("the torque of wheels is final; put it before, or give dump")
+            place.add("the torque of wheels is final; put it before, or give dump")
         if dump and WHEEL not in before:
-            here.at("dump").add("takes the momentum of wheels; put wheels before it")
+            place.at("dump").add("takes the momentum of wheels; put wheels before it")
         for member in before & {*part.members} - {WHEEL}:
-            here.add(f"a vehicle has one entry with {member}s; put all of them in the first one")
+            place.add(f"a vehicle has one entry with {member}s; put all of them in the first one")
         before |= {*part.members}
         moving = part.name if part.moves or part.changes else moving
 
@@ -534,11 +536,13 @@ def _inertia(
     section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> vehicle_parts.TrueInertia | None:
     if isinstance(section, schema.RelativeInertiaSection):
-        value, here = section.relative, problems.at("relative")
-        vehicle_parts.check_numbers(value, here)
-        vehicle_parts.check_still(value, here)
-        if not here and vehicle_parts.drawn(value, None) <= -1:
-            here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
+        value, place = section.relative, problems.at("relative")
+        vehicle_parts.check_numbers(value, place)
+        vehicle_parts.check_still(value, place)
+        if not place and vehicle_parts.drawn(value, None) <= -1:
+            place.add(
+                f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}"
+            )
         return vehicle_parts.RelativeInertia(value)
     if isinstance(section, Section):
         law = inertia_from(section, G, horizon, problems)
