@@ -46,7 +46,10 @@ def as_latex(table: TextTable, text_columns: int = 2) -> str:
 
 
 def _tabular(table: TextTable) -> str:
-    numeric = [_is_numeric(column) for column in zip(*table.rows, strict=True)]
+    numeric = [
+        all(_PLAIN_NUMBER.fullmatch(cell) for cell in column if cell not in ("", "-"))
+        for column in zip(*table.rows, strict=True)
+    ]
     layout = "".join("r" if right else "l" for right in numeric)
     lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}@{{}}}}", r"\toprule"]
     lines.append(_latex_row(map(_heading, table.header)))
@@ -94,10 +97,6 @@ def csv_cell(value: Any) -> Any:
 
 def _latex_row(cells: Iterable[str]) -> str:
     return " & ".join(cells) + r" \\"
-
-
-def _is_numeric(column: Iterable[str]) -> bool:
-    return all(_PLAIN_NUMBER.fullmatch(cell) for cell in column if cell not in ("", "-"))
 
 
 # Tables fitted to the width of a terminal, or in full for programs; this module knows no command --

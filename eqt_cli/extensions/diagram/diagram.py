@@ -132,11 +132,8 @@ def diagram_of(experiment: Experiment, swept: Sequence[str] = ()) -> Diagram:
 def _varied(law: Controller, laws: Sequence[Controller]) -> frozenset[str]:
     """Return the options of a law that other laws of its class have otherwise."""
     alike = [plain_data(other) for other in laws if type(other) is type(law)]
-    return frozenset(name for name in option_names(type(law)) if _differs(alike, name))
-
-
-def _differs(sections: Sequence[Mapping[str, Any]], name: str) -> bool:
-    return any(section.get(name) != sections[0].get(name) for section in sections)
+    names = option_names(type(law))
+    return frozenset(x for x in names if any(y.get(x) != alike[0].get(x) for y in alike))
 
 
 def _gains(experiment: Experiment, label: str) -> list[str]:

@@ -11,7 +11,7 @@ from eqt_cli.analysis.intervals import holm
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.stored import Status
-from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.components.groups import group_named
 from eqt_cli.extensions.failures.drawn import PREFIX, SUFFIX
 from eqt_cli.results.result import Result
 from eqt_cli.results.summary import compared_first
@@ -154,16 +154,12 @@ def _starts(result: Result) -> list[Candidate]:
             if part.dimension > 1:
                 size = np.linalg.norm(there, axis=1)
                 candidates.append(Candidate(f"initial {what} {of}".strip(), unit, size))
-            names = _axes(G, part.axes)
+            names = list(G.axis_names[part.axes])
             candidates += [
                 Candidate(f"initial {what} {name}", unit, values)
                 for name, values in zip(names, there.T, strict=True)
             ]
     return candidates
-
-
-def _axes(G: MatrixLieGroup, axes: slice) -> list[str]:
-    return list(G.axis_names[axes])
 
 
 def bad_runs(result: Result, controller: int) -> BadRuns:

@@ -81,7 +81,8 @@ class Failures(Figure[ShownFailures]):
             self._fill(panel, shown, ensemble, law, rows, _CHARACTERS[width])
         look: dict[str, Any] = {"linestyle": "none", "color": ink()}
         handles = [Line2D([], [], marker="x", **look), Line2D([], [], marker=".", **look)]
-        add_legend(drawing, handles, [" or ".join(_kinds(shown)), "other runs"])
+        bad = " or ".join(dict.fromkeys(law.words for law, _ in shown.answers))
+        add_legend(drawing, handles, [bad, "other runs"])
         return drawing
 
     def _fill(
@@ -135,8 +136,3 @@ def _label(candidate: Candidate, characters: int) -> str:
     label = in_words(words, candidate.unit)
     is_long = len(words.split("\n")[-1]) + len(candidate.unit) + 3 > characters
     return label.replace(" $(", "\n$(") if is_long else label
-
-
-def _kinds(shown: ShownFailures) -> list[str]:
-    """Return what is bad about the runs, of all laws."""
-    return list(dict.fromkeys(law.words for law, _ in shown.answers))

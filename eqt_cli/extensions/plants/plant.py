@@ -440,7 +440,8 @@ class Plant:
         InputError
             If it changes its state, or returns what is not finite.
         """
-        rows = _rows(self._arguments(states, step))
+        arguments = self._arguments(states, step).values()
+        rows = np.hstack([value.reshape(len(value), -1) for value in arguments])
         none = rows[:, :0]
         values, state = np.split(self.called.call(0, none, 0.0, none, rows)[0], 2, axis=1)
         bad = ~np.isfinite(values).all(axis=1)
@@ -508,7 +509,3 @@ def short_way(part: StatePart, attitude: Array, base: Array) -> Array:
 
 STEP = 1e-3
 """Longest step from which a derivative is extrapolated, s; what is left is of its third power."""
-
-
-def _rows(named: dict[str, Array]) -> Array:
-    return np.hstack([value.reshape(len(value), -1) for value in named.values()])

@@ -1,5 +1,6 @@
 """Tables of the outcome of a search, from its record and its judged runs."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product
@@ -68,7 +69,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     pairs: list[TextTable] = []
     if is_sampled(record):
         of_pairs = ratios.ratios(result, record, sought)
-        said = ratios.sentences(result, of_pairs[: _pairs(tuned)], record["samples"])
+        said = ratios.sentences(result, of_pairs[: math.comb(len(tuned), 2)], record["samples"])
         table = ratios.ratio_table(result, of_pairs, record["samples"], _WRITE)
         pairs.append(replace(table, notes=[*said, *table.notes]))
         pairs.append(ratios.spending_table(result, record, _WRITE))
@@ -93,10 +94,6 @@ def verdict_records(result: Result, record: Record) -> dict[str, Any]:
     pairs = ratios.ratios(result, record, record["objectives"])
     said = ratios.said_first(result, record)
     return {"pairs": ratios.answer_record(pairs), "remarks": said}
-
-
-def _pairs(laws: Sequence[str]) -> int:
-    return len(laws) * (len(laws) - 1) // 2
 
 
 def tuning_answer(result: Result, record: Record) -> list[TextTable]:

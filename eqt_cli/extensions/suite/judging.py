@@ -23,7 +23,6 @@ from eqt_cli.config.study import Study, study
 from eqt_cli.extensions.search.candidates import computed
 from eqt_cli.extensions.search.exchanges import unfinished
 from eqt_cli.extensions.search.law_search import SearchFolder
-from eqt_cli.extensions.search.model_search import Best
 from eqt_cli.extensions.search.record import AS_IT_IS, TUNE
 from eqt_cli.extensions.search.training import trained
 from eqt_cli.extensions.search.tune import Sampled, Search
@@ -164,23 +163,21 @@ def tuned(law: Law, task: Task, out: Path, workers: int, *, force: bool = False)
         searched = earlier + _cpu_seconds() - before
         folder.write_record(search.settings | {"seconds": searched})
         after = _cpu_seconds()
-    outcome = _judged(law, task, [_values(of_law, sample) for sample in best], workers)
+    values = [None if x.point is None else of_law.values(k) for k, x in of_law.best.items()]
+    outcome = _judged(law, task, values, workers)
     record = of_law.record()
     return replace(
         outcome,
-        trained=np.array([_spent(one) for one in best.values()]),
+        trained=np.array(
+            [
+                math.nan if x.point is None else float(x.tried.measured[x.point, 0])
+                for x in best.values()
+            ]
+        ),
         why=record["why"] or "",
         gained=np.array([math.nan if one.gained is None else one.gained for one in best.values()]),
         seconds=searched + _cpu_seconds() - after,
     )
-
-
-def _values(of_law: Sampled, sample: int) -> Values | None:
-    return None if of_law.best[sample].point is None else of_law.values(sample)
-
-
-def _spent(best: Best) -> float:
-    return math.nan if best.point is None else float(best.tried.measured[best.point, 0])
 
 
 def judged(law: Law, task: Task, points: Sequence[Values | None], workers: int) -> Judged:
