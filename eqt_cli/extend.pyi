@@ -174,6 +174,7 @@ from eqt_cli.extensions.logs.extend import *
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.search.extend import *
 from eqt_cli.extensions.spacecraft.extend import *
+from eqt_cli.extensions.sweeps.extend import *
 from eqt_cli.extensions.thrusters.extend import *
 from eqt_cli.extensions.underactuated.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
@@ -211,7 +212,6 @@ from eqt_cli.figures.style import marker as marker
 from eqt_cli.figures.sweep_figures import Pareto as Pareto
 from eqt_cli.figures.sweep_figures import Settled as Settled
 from eqt_cli.figures.sweep_figures import SweepFigure as SweepFigure
-from eqt_cli.figures.sweep_figures import Winners as Winners
 from eqt_cli.figures.time_figures import Commands as Commands
 from eqt_cli.figures.time_figures import Paper as Paper
 from eqt_cli.figures.time_figures import ReferenceOverTime as ReferenceOverTime

@@ -1,19 +1,19 @@
-"""Figures of sweeps: curves and maps, winners, trade-offs."""
+"""Figures of sweeps: curves and maps, trade-offs, shares of runs that settle."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 from pydantic import Field
 
 from eqt_cli.analysis.intervals import shares
-from eqt_cli.analysis.maps import NOBODY, Map, compare_map, front
+from eqt_cli.analysis.maps import front
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import function_for
@@ -26,12 +26,11 @@ from eqt_cli.figures.cells import (
     scale_log,
     spans_decade,
 )
-from eqt_cli.figures.figure import OfDifferences, OfOneMetric, OfSweep
+from eqt_cli.figures.figure import OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
     BAND,
     BANDS,
-    RESAMPLING,
     OwnPage,
     add_legend,
     add_title,
@@ -41,7 +40,7 @@ from eqt_cli.figures.layout import (
     rows_of,
 )
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
+from eqt_cli.figures.style import WIDTHS, Width, ink, line_style
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import laws_at
 from eqt_cli.results.summary import check_metrics
@@ -218,109 +217,6 @@ def _name(panel: Axes, x: float, y: float, law: str) -> None:
     """Write a law's name at its point."""
     box = _LABEL | {"facecolor": ink(0)}
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
-
-
-# Figure of a comparison over a sweep: which law wins where, and by how much -----------------------
-
-
-_CELL = 0.32
-"""Least height of a row of cells, for the number in it, in."""
-_NUMBER, _LETTER = 0.30, 0.06
-"""Width of a number, and of a letter beside it, in."""
-_SCALE = 1.0
-"""Width of the vertical scale, in."""
-_LEAST, _MOST = 1.2, 3.6
-"""Least and largest height of the map, in."""
-_TINT = 0.55
-"""Share of a law's colour in its cells, which keeps the numbers readable."""
-WITH_FAILED = "////"
-
-
-@dataclass(frozen=True)
-class Winners(OfDifferences):
-    """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
-
-    A law wins where it is better than every other one in most runs and in the mean, with all tests
-    of the map counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
-    """
-
-    name: ClassVar[str] = "winners"
-
-    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Draw one map; laws have the colours of all other figures."""
-        axes = swept.one_or_two()
-        check_metrics(swept.results, [self.metric_of(swept)], who=f"figure '{self.name}'")
-        resampling = replace(RESAMPLING, confidence=self.confidence)
-        wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
-        points = len(wins.cells)
-        if wins.has_too_few_runs:
-            raise swept.error(
-                f"shows who wins, and with {wins.runs} runs nobody can; it takes at least "
-                f"{wins.fewest}: --set ensemble.runs={wins.fewest}"
-            )
-        if wins.wins(NOBODY) == points:
-            words = ", ".join(f"{word} {count}" for word, count in wins.without_winners().items())
-            raise swept.error(
-                f"shows who wins, and no law wins at any of {points} points ({words}); draw "
-                "'forest' for the differences, or compute more runs"
-            )
-        cells = Cells(*axes)
-        rows, columns = cells.shape
-        height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
-        drawing, panel = one_panel(width, height)
-        laws = [look.colour for look in swept.looks]
-        # Cells have no dashes: a colour that the style gives to several laws is paler for each.
-        paler = [mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)]
-        colours = [ink(0), *paler]
-        winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
-        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
-        look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
-        panel.grid(False)
-        panel.tick_params(length=0)
-        cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
-        failed = [cell.point for cell in wins.cells if any(cell.failed)]
-        cells.hatch(panel, failed, WITH_FAILED)
-        room = (WIDTHS[width] - _SCALE) / columns
-        if room >= _NUMBER and height / rows >= _CELL * 0.6:
-            _number_leads(panel, cells, wins, int(room / _LETTER))
-        below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
-        drawing.set_figheight(drawing.get_figheight() + below)
-        quantity = swept.results.quantity(self.metric_of(swept))
-        add_title(panel, f"better {quantity.plain}, by %")
-        _explain_winners(drawing, colours, wins, bool(failed))
-        swept.remarks += [
-            "Law and number: the better mean, and the median difference from the next law in per "
-            "cent; white: undecided or no difference.",
-            f"{points} points, {wins.runs} runs each; failures of less than {3 / wins.runs:.2g} of "
-            "all runs are not excluded.",
-        ]
-        return drawing
-
-
-def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
-    """Write each lead, and the laws if all names fit in a line of `characters`."""
-    won = [x for x in wins.cells if np.isfinite(x.lead.value) and x.winner != NOBODY]
-    leads = [f"{100 * abs(cell.lead.value):.2g}" for cell in won]
-    named = [f"{wins.titles[x.best]} {lead}" for x, lead in zip(won, leads, strict=True)]
-    if max(map(len, named), default=0) > characters:
-        named = leads
-    for cell, text in zip(won, named, strict=True):
-        place = cells.columns[cell.point], cells.rows[cell.point]
-        panel.annotate(text, place, ha="center", va="center", fontsize="small")
-
-
-def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
-    """Add a legend of the laws with the number of their wins."""
-    frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    none = ", ".join(f"{word}: {points}" for word, points in wins.without_winners().items())
-    patches = {none: Patch(facecolor=colours[0], **frame)}
-    for law, title in enumerate(wins.titles):
-        patch = Patch(facecolor=(colours[law + 1], _TINT), **frame)
-        patches[f"{title}: {wins.wins(law)}"] = patch
-    if failed:
-        hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)
-        patches["with failed runs"] = hatched
-    add_legend(drawing, list(patches.values()), list(patches))
 
 
 # Figure of the share of runs that settle, over one or two swept keys ------------------------------

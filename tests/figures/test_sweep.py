@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from eqt_cli.analysis.intervals import Interval, Resampling, share
 from eqt_cli.analysis.maps import NOBODY, compare_map, front
-from eqt_cli.extend import EqtError, Forest, Pareto, Settled, ShownSweep, SweepFigure, Winners
+from eqt_cli.extend import EqtError, Forest, Pareto, Settled, ShownSweep, SweepFigure
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, key_label, number_values
 from eqt_cli.figures.layout import hide_crowded
@@ -261,7 +261,10 @@ def test_cells_with_failed_runs_are_hatched(swept, altered):
     assert [patch.get_hatch() for patch in hatched] == ["xxxx"]
 
 
+@pytest.mark.needs("sweeps")
 def test_winners_are_those_of_the_comparison(swept, altered, picture):
+    from eqt_cli.extend import Winners
+
     results = swept(TWO, **MORE_RUNS)
     effort = results["effort"].copy()
     effort[1, 0] /= 100
@@ -276,14 +279,20 @@ def test_winners_are_those_of_the_comparison(swept, altered, picture):
     assert legend == ["undecided: 4", "EqT: 1", "GT: 1"]
 
 
+@pytest.mark.needs("sweeps")
 def test_a_map_without_a_winner_is_refused(swept):
+    from eqt_cli.extend import Winners
+
     with pytest.raises(EqtError, match=r"with 6 runs nobody can.*ensemble\.runs=8"):
         Winners(metric="effort").draw([swept(TWO)])
     with pytest.raises(EqtError, match=r"at any of 6 points \(undecided 6\); draw 'forest'"):
         Winners(metric="effort").draw([swept(TWO, **MORE_RUNS)])
 
 
+@pytest.mark.needs("sweeps")
 def test_cells_over_one_key_are_as_high_as_the_panel(swept, altered, picture):
+    from eqt_cli.extend import Winners
+
     results = swept(ONE, **MORE_RUNS)
     effort = results["effort"].copy()
     effort[1, 0] /= 100  # somebody wins somewhere
@@ -348,7 +357,10 @@ def test_a_forest_is_of_two_laws(swept):
         Forest(controllers=["eqt"]).draw([results])
 
 
+@pytest.mark.needs("sweeps")
 def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
+    from eqt_cli.extend import Winners
+
     results = swept(TWO, **MORE_RUNS)
     status, effort = results["status"].copy(), results["effort"].copy()
     status[0, 0, 0] = 1
@@ -507,7 +519,7 @@ def test_shares_may_stand_beside_what_is_proved(simulate, opened, monkeypatch):
     [
         (Settled(certified=180.0), "certified: expected a number less than 180, got 180"),
         (Settled(by=-1.0), "by: expected a number of at least 0, got -1"),
-        (Winners(confidence=1.5), "confidence: expected a number less than 1, got 1.5"),
+        (Forest(confidence=1.5), "confidence: expected a number less than 1, got 1.5"),
     ],
 )
 def test_options_have_bounds(figure, said, swept):

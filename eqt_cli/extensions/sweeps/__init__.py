@@ -8,4 +8,5 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_function(purposes.rules_of_a_sweep, "rules.Rules")
     extension.add_function(purposes.compare_pooled, "pooled.answer")
-    extension.add_component("figures", "pooled", "figures")
+    for name in ("pooled", "winners"):
+        extension.add_component("figures", name, "figures")

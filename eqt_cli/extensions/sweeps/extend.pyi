@@ -1,0 +1,1 @@
+from eqt_cli.extensions.sweeps.figures import Winners as Winners
