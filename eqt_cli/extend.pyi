@@ -55,7 +55,6 @@ from eqt_cli.components.actuators import Actuator as Actuator
 from eqt_cli.components.actuators import Deadband as Deadband
 from eqt_cli.components.actuators import Lag as Lag
 from eqt_cli.components.actuators import Limit as Limit
-from eqt_cli.components.actuators import MomentumLimit as MomentumLimit
 from eqt_cli.components.actuators import PassThrough as PassThrough
 from eqt_cli.components.actuators import Quantisation as Quantisation
 from eqt_cli.components.actuators import RateLimit as RateLimit

@@ -143,7 +143,6 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
 HELD = """actuators:
   - {kind: quantisation, resolution: 0.05}
   - {kind: deadband, width: 0.07}
-  - {kind: momentum_limit, momentum: 0.3}
   - {kind: rate_limit, rate: 2.0}
 """
 
@@ -154,7 +153,6 @@ def test_engines_agree_on_what_acts_at_instants(solved):
     torques = [p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found]
     # A command within 1e-9 of a step or of the width would tell them apart; none is here.
     np.testing.assert_allclose(*torques, rtol=0, atol=1e-7)
-    assert np.abs(np.cumsum(torques[0][:, :-1], axis=1) * 0.1).max() > 0.2
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -15,7 +15,6 @@ from eqt_cli.components.actuators import (
     Deadband,
     Lag,
     Limit,
-    MomentumLimit,
     Quantisation,
     RateLimit,
     Scaled,
@@ -249,26 +248,6 @@ def test_a_scaled_command_follows_the_thrust_curve(noted):
     assert noted(Scaled(1.0, curve=[0, 1.5, 0]), SO3) == [
         ("curve", "expected a share from 0 to 1, got 1.5")
     ]
-
-
-def test_wheels_are_judged_by_the_integral_of_the_torque():
-    limit = MomentumLimit(momentum=[1.0, 2.0, 3.0]).of_run(SO3, None)
-    times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 4], [3, -1, 0.0]])
-    needed, _, most, _ = limit.needed(SO3, times, torque)
-    np.testing.assert_array_equal(needed, [[0.25, -0.25, 1.0], [0.75, -0.5, 1.5]])
-    np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
-
-
-def test_wheels_take_up_what_they_can():
-    part, command = MomentumLimit(momentum=1.0), np.array([[0.4, -3.0, 0.0]])
-    part, x, taken = part.of_run(SO3, None), np.zeros((1, 6)), []
-    for _ in range(8):
-        x = part.step(SO3, command, x, period=0.5)
-        taken.append(part.output(SO3, command, x)[0])
-    # 5 periods of 0.4 · 0.5 are 1; the second axis is full after one period of 2.
-    expected = [[0.4, -2.0, 0.0], *[[0.4, 0.0, 0.0]] * 4, *[[0.0, 0.0, 0.0]] * 3]
-    np.testing.assert_allclose(taken, expected, rtol=0, atol=10 * ROUNDING)
-    assert part.at_limit(SO3, command, x).all()
 
 
 def test_a_weight_needs_a_body_in_space_or_in_the_plane(noted):

@@ -9,6 +9,7 @@ def register(extension: Extension) -> None:
     extension.add_component("actuators", "wheels", "wheels")
     extension.add_component("actuators", "gyros", "gyros")
     extension.add_component("actuators", "magnetorquers", "magnetic")
+    extension.add_component("actuators", "momentum_limit", "momentum_limit")
     extension.add_component("controllers", "b_dot", "magnetic")
     extension.add_component("forces", "gravity_gradient", "gravity")
     on_orbits, on_wheels = "remarks.remarks", "running_down.remarks"
