@@ -372,15 +372,13 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     from eqt_cli.extensions.proofs.scaled import LARGEST_FACTOR
 
     titles, shown = result.experiment.titles, _gains(result)
-    yield "delay margin: further delay of the command with which the loop is still stable"
-    rejects = ", of the torque for each command (effectiveness)" if "effectiveness" in shown else ""
-    rejects += ", of the lag that the law believes in" if "lag" in shown else ""
-    yield (
-        f"multiples: the loop is stable for these multiples of kp, kd, or both{rejects}; "
-        f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
-    )
+    most = f"1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
+    yield f"stable up to this further delay, and for these multiples; any: {most}"
+    rejects = {"effectiveness": "the torque for each command", "lag": "the lag that a law believes"}
+    if meant := [f"{name}: {of}" for name, of in rejects.items() if name in shown]:
+        yield ", ".join(meant)
     if "position" in shown:
-        yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
+        yield "kp, kd: of the attitude law of a cascade; position: its kx, kv and ki"
     for law in laws:
         if beside := _beside(result, law):
             yield f"{titles[law.label]} stays {beside} away from its reference; linearised there"

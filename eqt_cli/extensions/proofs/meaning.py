@@ -24,6 +24,9 @@ from eqt_cli.loop.small_errors import SAME, STEP, at_rest
 if TYPE_CHECKING:
     from rich.text import Text
 
+LONG, LONGEST = 30, 60
+"""Most characters of a title among others, and of all titles of a row or line."""
+
 
 @purposes.meaning_of_an_experiment
 def meaning(experiment: Experiment, shown: Horizon) -> Iterator[str | Text]:
@@ -91,8 +94,17 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
             claimed = barrier and loop.claims_decrease
             words += [f"{free} is free", claim if claimed else "nothing is claimed"]
         lines.setdefault("; ".join(words), []).append(title)
-    rows = [[", ".join(titles), *row] for row, titles in laws.items()]
-    return rows, [f"{', '.join(titles)}: {words}" for words, titles in lines.items() if words]
+    rows = [[_names(titles, experiment), *row] for row, titles in laws.items()]
+    said = [f"{_names(titles, experiment)}: {words}" for words, titles in lines.items() if words]
+    return rows, said
+
+
+def _names(titles: list[str], experiment: Experiment) -> str:
+    """Return the titles of laws, long ones shortened; of many in a short form, if it is all."""
+    short = [title if len(title) <= LONG else f"{title[: LONG - 1]}…" for title in titles]
+    names = ", ".join(short)
+    is_all = len(titles) == len(experiment.loops)
+    return f"all {len(titles)} laws" if is_all and len(names) > LONGEST else names
 
 
 def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator[str]:
@@ -108,7 +120,7 @@ def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator
             title if inner is loop else f"the attitude loop of {title}"
         )
     for (without, poles, departs), titles in laws.items():
-        yield f"slowest pole of {', '.join(titles)} at rest{without}: {poles}"
+        yield f"slowest pole of {_names(titles, experiment)} at rest{without}: {poles}"
         if departs:
             yield f"  {departs}"
     if any(departs for *_, departs in laws):

@@ -42,9 +42,7 @@ branches(eqt_cli.components.classic_laws.Goodarzi2013):
 AT_REST = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
 NOTES = """\
 
-delay margin: further delay of the command with which the loop is still stable
-multiples: the loop is stable for these multiples of kp, kd, or both; any: at least from 1/128 to
-128
+stable up to this further delay, and for these multiples; any: 1/128 to 128
 """
 
 
