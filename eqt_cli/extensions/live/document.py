@@ -65,7 +65,7 @@ SIGNALS = "velocity_error", "lyapunov"
 
 MEANINGS = {
     "pose_error": "how far Q_E = Q Q_d⁻¹, the pose relative to its reference, is from the identity",
-    "velocity_error": "how far the velocity is from that of the reference",
+    "velocity_error": "how far the velocity is from the desired one",
     "torque_norm": "size of the torque",
     "lyapunov": "Lyapunov function: energy of the errors of pose and velocity",
     "mean_attitude_error": "angle between the attitude and its reference, mean over the horizon",
