@@ -22,6 +22,8 @@ _COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 4}
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 2.6}
 _CHARACTERS: dict[Width, int] = {"column": 22, "page": 30, "slide": 24}
 """Most characters in a line of the label of an axis."""
+_MOST: dict[Width, int] = {"column": 6, "page": 9, "slide": 12}
+"""Most laws with a panel, so that the figure fits a page with its caption."""
 
 
 class ShownFailures(ShownControllers):
@@ -49,6 +51,7 @@ class Failures(Figure[ShownFailures]):
     Bad runs are those that failed or did not settle; where these are fewer than five, the worst
     tenth. The numbers are those that were drawn for a run, and the errors at its start. A dotted
     line is where the first of them parts bad runs from the others best, if the rank test finds it.
+    Of more laws than fit a page, those with the least p are drawn.
 
     Attributes
     ----------
@@ -71,10 +74,11 @@ class Failures(Figure[ShownFailures]):
 
     def compose(self, shown: ShownFailures, width: Width) -> Drawing:
         """Draw a panel for each law."""
-        laws = shown.ensembles
+        laws = self._shown_laws(shown, _MOST[width])
         mosaic = rows_of([law.label for law in laws], min(len(laws), _COLUMNS[width]))
         drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
-        for ensemble, (law, rows) in zip(laws, shown.answers, strict=True):
+        answers = zip(shown.ensembles, shown.answers, strict=True)
+        for ensemble, (law, rows) in [(e, of) for e, of in answers if e in laws]:
             panel = panels[ensemble.label]
             if len(laws) > 1:
                 add_title(panel, ensemble.title)
@@ -84,6 +88,21 @@ class Failures(Figure[ShownFailures]):
         bad = " or ".join(dict.fromkeys(law.words for law, _ in shown.answers))
         add_legend(drawing, handles, [bad, "other runs"])
         return drawing
+
+    def _shown_laws(self, shown: ShownFailures, most: int) -> list[Ensemble]:
+        """Return the laws whose bad runs are told best, if there are too many for a page."""
+        laws, which = shown.ensembles, "with the least p"
+        if len(laws) <= most:
+            return laws
+        least = {
+            e.label: min((row.p_value for row in rows), default=1.0)
+            for e, (_, rows) in zip(laws, shown.answers, strict=True)
+        }
+        best = sorted(laws, key=lambda e: least[e.label])[:most]
+        left_out = ", ".join(e.title for e in laws if e not in best)
+        shown.remarks.append(f"The {most} laws {which}; no room for {left_out}.")
+        shown.note = f"{most} of {len(laws)} laws, {which}"
+        return [e for e in laws if e in best]
 
     def _fill(
         self,
