@@ -369,16 +369,8 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
-    from eqt_cli.extensions.proofs.scaled import LARGEST_FACTOR
-
-    titles, shown = result.experiment.titles, _gains(result)
-    most = f"1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
-    yield f"stable up to this further delay, and for these multiples; any: {most}"
-    rejects = {"effectiveness": "the torque for each command", "lag": "the lag that a law believes"}
-    if meant := [f"{name}: {of}" for name, of in rejects.items() if name in shown]:
-        yield ", ".join(meant)
-    if "position" in shown:
-        yield "kp, kd: of the attitude law of a cascade; position: its kx, kv and ki"
+    titles = result.experiment.titles
+    yield from _legend(_gains(result))
     for law in laws:
         if beside := _beside(result, law):
             yield f"{titles[law.label]} stays {beside} away from its reference; linearised there"
@@ -405,6 +397,19 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
         yield f"{listed([titles[x.label] for x in result.laws if x.filters == words])}: {words}"
     if result.left_out:
         yield f"left out: {', '.join(result.left_out)}"
+
+
+def _legend(gains: Sequence[str]) -> Iterator[str]:
+    """Say how to read the columns."""
+    from eqt_cli.extensions.proofs.scaled import LARGEST_FACTOR
+
+    most = f"1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
+    yield f"stable up to this further delay, and for these multiples; any: {most}"
+    rejects = {"effectiveness": "the torque for each command", "lag": "the lag that a law believes"}
+    if meant := [f"{name}: {of}" for name, of in rejects.items() if name in gains]:
+        yield ", ".join(meant)
+    if "position" in gains:
+        yield "kp, kd: of the attitude law of a cascade; position: its kx, kv and ki"
 
 
 def _gains(result: Margins) -> list[str]:
