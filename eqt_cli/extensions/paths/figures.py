@@ -507,6 +507,11 @@ def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str, signs: Array) -> 
 
 _STEP = 2.0
 """A line of angles breaks where one changes by more from sample to sample: a turn, rad."""
+_LARGE, _BEYOND = 0.1, 1.2
+"""Share of its largest value below which an error has settled, and how much more than the time
+until then is shown."""
+_PARTS = 0.1, 0.2, 0.3, 0.4, 0.5
+"""Parts of the horizon that may be shown alone."""
 _STEEP = 80.0
 """Pitch beyond which roll and yaw turn more than 1/cos 80° = 6 times faster than the body, deg."""
 
@@ -517,7 +522,8 @@ class PoseFigure(OverTime):
 
     A column per part of the group. Angles are those of the turns about z, y and x, in this order,
     from −180 to 180 deg. Where a pitch comes near ±90 deg, at which roll and yaw are undefined, the
-    rotation vector of the error R_E is drawn instead. Lines break where they jump.
+    rotation vector of the error R_E is drawn instead. Lines break where they jump. Where all errors
+    fall below a tenth in the first half, the rest is left out, unless a range of time is chosen.
 
     Attributes
     ----------
@@ -540,11 +546,10 @@ class PoseFigure(OverTime):
         errors = {
             x: runs.drawn_signal(f"pose_error{y}") for x, y in ends.items() if y in runs.parts
         }
-        drawn = {
-            name: {e.label: runs.errors(x, e, degrees=True, run=self.run) for e in runs.shown}
-            for name, x in errors.items()
-        }
+        drawn = self._errors(runs, errors)
         far = leaving(runs, drawn.values())
+        _shorten(runs, [of[e] for of in drawn.values() for e in of if e not in far])
+        drawn = self._errors(runs, errors)
         poses = {e.label: runs.of_run("pose", e, self.run) for e in runs.shown}
         desired = {e.label: runs.desired("pose", e) for e in runs.shown}
         near = [poses[e.label] for e in runs.shown if e.label not in far] + [*desired.values()]
@@ -585,6 +590,33 @@ class PoseFigure(OverTime):
             runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
+
+    def _errors(self, runs: ShownRuns, signals: Mapping[str, str]) -> dict[str, dict[str, Array]]:
+        """Return the errors of each part by the labels of the laws."""
+        return {
+            name: {e.label: runs.errors(x, e, degrees=True, run=self.run) for e in runs.shown}
+            for name, x in signals.items()
+        }
+
+
+def _shorten(runs: ShownRuns, errors: Sequence[Array]) -> None:
+    """Show only the transient of errors, where that is a small part of a time that nobody chose."""
+    times, chosen = runs.times(runs.shown[0]), runs.chosen
+    large = [np.flatnonzero(of > _LARGE * of.max()) for of in errors if of.max() > 0]
+    is_chosen = chosen.start is not None or chosen.end is not None
+    if is_chosen or not large or any(len(of) != len(times) for of in errors):
+        return
+    begin, horizon = times[0], times[-1] - times[0]
+    ends = begin + horizon * np.array(_PARTS)
+    wanted = begin + _BEYOND * (times[max(at[-1] for at in large)] - begin)
+    if not (ends >= wanted).any():
+        return
+    end = float(ends[ends >= wanted].min())
+    runs.chosen = chosen._replace(end=end)
+    unit = runs.unit("time")
+    words = f"first {end:g} of {times[-1]:g} {unit}, then errors stay below {100 * _LARGE:g} %"
+    runs.remarks.append(f"The {words} of their largest; --to {times[-1]:g} shows all.")
+    runs.note = ", ".join(filter(None, [runs.note, words]))
 
 
 def _which(paths: Sequence[Flown]) -> str:

@@ -290,6 +290,16 @@ def test_near_a_steep_pitch_the_rotation_vector_of_the_error_is_drawn(se3, alter
         np.testing.assert_allclose(curve(panel, "desired")[:, 1], 0, atol=1e-4)
 
 
+def test_the_transient_alone_is_drawn_of_a_long_time_that_nobody_chose(se3, altered, opened):
+    """Errors of exp(−10 t/T) are below 10 % from 0.23 T on, and 1.2 times this is within 0.3 T."""
+    result = opened(se3)
+    last = float(result.times[-1])
+    decay = np.broadcast_to(np.exp(-10 * result.times / last), result["attitude_angle"].shape)
+    settled = altered(se3, attitude_angle=decay, position_error=decay)
+    ends = [PoseFigure(end=end).draw([settled]).axes[0].get_xlim()[1] for end in (None, last)]
+    np.testing.assert_allclose(ends, [0.3 * last, last])
+
+
 def test_all_laws_start_where_they_start(se3, altered, opened):
     """GT turns by whole turns afterwards, which moves none of its angles."""
     from scipy.spatial.transform import Rotation
