@@ -128,7 +128,7 @@ MOST_STEPS = 500
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
 _NAMES: dict[Width, int] = {"column": 17, "page": 26, "slide": 20}
 """Most characters in a line of a controller's name beside the boxes."""
-_ROW, _LINE = 0.19, 0.12
+_ROW, _LINE = 0.155, 0.12
 """Height of a row with a box, and of a further line of its name, in."""
 _LEAST_NAME = 5.6
 """Least size of the names of laws, pt."""

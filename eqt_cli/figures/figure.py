@@ -85,6 +85,12 @@ class ShownRuns(ShownControllers):
         return [e for e in self.shown if e.law not in e.results.without_function]
 
     @property
+    def banded(self) -> list[Ensemble]:
+        """The laws with a band: those in focus, else those that are compared first."""
+        focus = [e for e in self.shown if e.law in map(e.results.label_of, self.chosen.focus)]
+        return (focus or self.shown)[: layout.BANDS]
+
+    @property
     def span(self) -> tuple[float, float]:
         """First and last time of all results."""
         ends = [result.times[self._samples(result)[[0, -1]]] for result in self.results]

@@ -265,7 +265,7 @@ def add_legend(
         names, look = [free_text(name, 40) for name in names], first.xaxis.label
         first.legend(handles, names, prop=look.get_fontproperties(), frameon=True)
         return
-    room = figure.get_figwidth() - 0.5  # beside the handle
+    room = 0.8 * (figure.get_figwidth() - 0.5)  # a reader's font may be wider
     whole = whole if whole < len(names) else 1
     characters = _characters(room, size_of_type("legend.fontsize"))
     for rows in range(1, len(names) + 1):

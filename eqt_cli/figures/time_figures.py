@@ -40,7 +40,6 @@ from eqt_cli.figures.labels import (
     quantity,
 )
 from eqt_cli.figures.layout import (
-    BANDS,
     add_legend,
     add_title,
     bound,
@@ -77,11 +76,12 @@ class Summary(Panelled, OverTime):
     """Medians over runs of pose error, velocity error, torque norm and Lyapunov function.
 
     The function is left out where laws have different ones, which cannot be compared. The shading
-    holds the middle half of the runs of the first two laws. Scales are logarithmic where medians
-    span two decades; they end a decade below the medians, or at the error of the solver, and ten
-    times above all other laws where a law diverges. Thin dashes mark the threshold of `settled`.
-    Laws of one curve are named, and a panel shows their paired differences. Of more than six laws,
-    the first quantity is drawn, a panel for each law, before the medians of the others.
+    holds the middle half of the runs of the laws in focus, else of the first two. Scales are
+    logarithmic where medians span two decades; they end a decade below the medians, or at the error
+    of the solver, and ten times above all other laws where a law diverges. Thin dashes mark the
+    threshold of `settled`. Laws of one curve are named, and a panel shows their paired differences.
+    Of more than six laws, the first quantity is drawn, a panel for each law, before the medians of
+    the others.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -110,25 +110,22 @@ class Summary(Panelled, OverTime):
         has_function = bool(self.panels) or self.printed or one_function
         norms = self.picked((*NORMS, _FUNCTION) if has_function else NORMS)
         if len(runs.shown) > MOST_COLOURS and not self.printed:
-            degrees = degrees and norms[0] == NORMS[0]
             signal = norms[0] if norms[0] != NORMS[0] else ""
-            return draw_laws(runs, width, signal, degrees=degrees, log=self.log)
+            return draw_laws(runs, width, signal, degrees=degrees and not signal, log=self.log)
         drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 and not repeats(e.results) for e in runs.shown)
         middle = "mean" if self.printed else "median"
         if not self.printed:
-            over, drawn = "Medians over runs of", listed([_NAMES[norm] for norm in norms])
-            drawing.set_label(f"{over} {drawn}." if several else f"One run: {drawn}.")
-        bounded = runs.shown[:BANDS] if len(runs.shown) > BANDS else []
+            over = "Medians over runs of" if several else "One run:"
+            drawing.set_label(f"{over} {listed([_NAMES[norm] for norm in norms])}.")
+        bounded = runs.banded if len(runs.shown) > len(runs.banded) else []
         of = f" of {listed([e.title for e in bounded])}" if bounded else ""
-        bands = f"; bands: quartiles{of}" if several and not self.printed else ""
+        bands = f", bands: quartiles{of}" if several and not self.printed else ""
         alike = not several and any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         over = f"{middle} over " if several else ""
-        count = f"{runs.count()}{', all alike' if alike else ''}"
-        runs.remarks.append(f"Curves: {over}{count}{bands}.")
-        counted = f"{middle}{f', quartiles{of}' if bands else ''}, " if several else ""
-        counted = f"{counted}{count}" if several or alike else ""
-        runs.note = ", ".join(filter(None, [counted, runs.note]))
+        counted = f"{over}{runs.count()}{', all alike' if alike else ''}{bands}"
+        runs.remarks.append(f"Curves: {counted}.")
+        runs.note = ", ".join(filter(None, [counted if several or alike else "", runs.note]))
         return drawing
 
     def _draw(self, runs: ShownRuns, width: Width, norms: list[str], degrees: bool) -> Drawing:
@@ -151,7 +148,7 @@ class Summary(Panelled, OverTime):
         for signal, axes in panels.items():
             for e in runs.with_function() if signal == _FUNCTION else runs.shown:
                 values = runs.errors(signal, e, degrees=degrees)
-                middle = "quartiles" if e in runs.shown[:BANDS] else "median"
+                middle = "quartiles" if e in runs.banded else "median"
                 draw_middle(axes, runs.times(e), values, e, "mean" if self.printed else middle)
         far = leaving(runs, map(_by_label, panels.values())) if self.printed else set[str]()
         for signal, axes in panels.items():
@@ -182,15 +179,18 @@ class Summary(Panelled, OverTime):
                 least = runs.solver_error(signal, drawn, degrees=degrees)
                 scaled = [np.log10(np.maximum(middle, least)) for middle in middles]
             if len(laws := _alike(runs, scaled)) > 1:
-                alike[signal] = laws
                 of_laws = [middles[runs.shown.index(e)] for e in laws]
-                apart = significant(float(np.ptp(of_laws, axis=0).max()), 1).replace("e-", "e−")
+                size = float(np.ptp(of_laws, axis=0).max())
                 unit = "deg" if degrees and signal in runs.attitude_errors else runs.unit(signal)
+                words = f"medians within {significant(size, 1)} {unit}".removesuffix(" 1")
+                if size < _ROUNDING * np.max(of_laws):
+                    words = "equal to rounding"
+                else:  # a panel shows the paired differences
+                    alike[signal] = laws
                 titles = listed([e.title for e in laws])
-                within.setdefault(titles, []).append(f"{apart} {unit}".removesuffix(" 1"))
-        one = [f"{x}: one curve (medians within {' and '.join(y)})" for x, y in within.items()]
-        if one:  # the note names them, where long names are wrapped
-            runs.remarks.append("Of laws with one curve, a panel shows the paired differences.")
+                within.setdefault(titles, []).append(words.replace("e-", "e−"))
+        # The note names them, where long names are wrapped.
+        one = [f"{x}: one curve ({' and '.join(y)})" for x, y in within.items()]
         runs.note = ", ".join(filter(None, [*one, runs.note]))
         return alike
 
@@ -259,7 +259,7 @@ def _draw_difference(
     open_frame(axes)
     layout.add_title(axes, f"{others[0].title if not others[1:] else 'others'} − {first.title}")
     label = runs.error_label(signal, degrees=degrees)
-    layout.name_scale(axes, label.replace("attitude error", "difference"))
+    layout.name_scale(axes, label.replace("attitude error", "paired difference"))
 
 
 def _by_label(axes: Axes) -> dict[str, Array]:
@@ -406,10 +406,9 @@ def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
 # Figure of commanded and delivered torque, thrust or momentum of wheels in a single run -----------
 
 
-_A_LINE = 0.01
-"""Share of a scale by which curves in one line are apart."""
-_NEARLY = 0.9
-"""Share of the samples in which curves are in one line that look alike."""
+_A_LINE, _NEARLY, _ROUNDING = 0.01, 0.9, 1e-12
+"""Share of a scale by which curves in one line are apart, share of the samples in which they are
+in one line that look alike, and least difference that is no rounding, over the largest value."""
 _COMMAND: dict[str, Any] = {"linewidth": 2.0, "zorder": 1.6, "solid_capstyle": "butt"}
 _ASKED = 0.4
 """Share of ink in what a law asks for, behind what the actuators give."""

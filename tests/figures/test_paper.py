@@ -53,6 +53,15 @@ def test_laws_of_one_curve_have_their_paired_differences_in_a_panel(
     assert len(figure.draw([opened(so3)]).axes) == len(drawing.axes) - 1
 
 
+def test_laws_that_differ_by_rounding_have_no_panel_of_differences(so3, altered, opened):
+    error = opened(so3)["pose_error"].copy()
+    error[1] = error[0] * (1 + 2e-16)
+    figure = Summary(controllers=["eqt", "gt"], degrees=False)
+    drawing = figure.draw([altered(so3, pose_error=error)], captions=[])
+    assert "EqT and GT: one curve (equal to rounding)" in drawing.get_supxlabel()
+    assert "difference of pose_error" not in [axes.get_label() for axes in drawing.axes]
+
+
 def test_a_curve_that_starts_at_0_starts_where_a_logarithmic_scale_does(so3, altered, opened):
     error = opened(so3)["velocity_error"].copy()
     error[..., 0] = 0
@@ -166,14 +175,19 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
     assert {axes.get_yscale() for axes in torques} == {"log"}
 
 
-def test_bands_are_of_the_two_laws_that_are_compared_first(so3, opened, picture):
-    drawing = picture(Summary(), opened(so3))
+@pytest.mark.parametrize(("focus", "laws", "titles"), [
+    ([], ["eqt", "gt"], "EqT and GT"), (["asym"], ["asym"], "asym")
+])  # fmt: skip
+def test_bands_are_of_laws_in_focus_or_of_those_compared_first(
+    focus, laws, titles, so3, opened, picture
+):
+    drawing = picture(Summary(focus=focus), opened(so3))
     for axes in drawing.axes:
         drawn = [shape.get_label() for shape in axes.collections]
-        assert [label for label in drawn if label != NO_NUMBERS] == ["eqt", "gt"]
+        assert [label for label in drawn if label != NO_NUMBERS] == laws
     assert drawing.get_supxlabel().splitlines() == [
         "Thin dashes: threshold of settled.",
-        "Curves: median over 6 runs; bands: quartiles of EqT and GT.",
+        f"Curves: median over 6 runs, bands: quartiles of {titles}.",
     ]
 
 
