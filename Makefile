@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 PIP := python -m pip --quiet --disable-pip-version-check
 # The interpreter a new environment is built from: PYTHON, or else the first new enough of these.
 PYTHON ?=
-PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+PYTHONS := $(or $(PYTHON),python3 python3.14 python3.13 python3.12 python3.11)
 # Set, as in the jobs of continuous integration: installs what .ci/lock*.txt name, by version and hash.
 LOCKED ?=
 HASHED := install --no-deps --require-hashes --requirement .ci/lock
