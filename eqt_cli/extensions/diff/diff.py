@@ -25,6 +25,9 @@ BLOCK_ENTRIES = 2**22
 _APART = ("config", "experiment", "provenance", "digest", "files", "plugins")
 """Attributes that are compared entry by entry, or that follow from others."""
 
+_REPEATED = ("cross_check_difference",)
+"""Attributes by NumPy and SciPy, which depend on the machine, as those of an engine in C do not."""
+
 
 @dataclass(frozen=True)
 class Dataset:
@@ -57,8 +60,8 @@ class Differences:
     ----------
     configuration, attributes, provenance
         Changes in keys of the configuration, in other attributes of the files, and in versions,
-        machine, time and command: a `key`, with its value in the `first` and in the `second`
-        result, where it is there.
+        machine, time, command and what the cross-check found: a `key`, with its value in the
+        `first` and in the `second` result, where it is there.
     datasets
         Datasets that differ.
     compared
@@ -88,14 +91,19 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     names = list(dict.fromkeys(chain(*arrays)))
     compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
     attributes = [
-        {key: value for key, value in result.attributes.items() if key not in _APART}
+        {key: value for key, value in result.attributes.items() if key not in _APART + _REPEATED}
         | {f"file {names[name]}": text for name, text in stored.items()}
         for result, names, stored in zip(both, renamings, texts, strict=True)
+    ]
+    provenance = [
+        dict(leaves(result.provenance))
+        | {key: result.attributes[key] for key in _REPEATED if key in result.attributes}
+        for result in both
     ]
     return Differences(
         configuration,
         changes(*attributes),
-        changes(*(dict(leaves(result.provenance)) for result in both)),
+        changes(*provenance),
         [dataset for dataset in compared if dataset is not None],
         len(names),
     )

@@ -55,6 +55,21 @@ def test_a_result_that_was_run_again(eqt):
     assert says(lines[-1], "equal: provenance differs, the … datasets do not")
 
 
+def test_another_machine_cross_checks_in_other_bits(eqt):
+    shutil.copytree("first", "second")
+    for folder, difference in ("first", 1.22653e-10), ("second", 1.22651e-10):
+        with h5py.File(Path(folder, "results.h5"), "r+") as file:
+            check = {
+                "method": np.bytes_("LSODA"),
+                "runs": 1,
+                "bound": 1e-6,
+                "difference": difference,
+            }
+            file.attrs.update({f"cross_check_{key}": value for key, value in check.items()})
+    done = eqt("diff", "first", "second")
+    assert done.code == 0 and done.out.splitlines()[2].startswith("cross_check_difference")
+
+
 def test_another_configuration(eqt, monkeypatch):
     eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
     done = eqt("diff", "first", "second")
