@@ -327,7 +327,9 @@ def evaluated(
     shift = next((size.delay for size in tracking.sizes if math.isfinite(size.delay)), None)
     motion = motion_of(tracking.actual)
     words = motion.as_text() if motion else ""
-    return Evaluated(dict(tracking.topics) if tracking.flight else {}, rows, shift, words)
+    # Of a table of Betaflight, the topic is the table
+    has_topics = tracking.flight is not None and tracking.flight.format != "blackbox"
+    return Evaluated(dict(tracking.topics) if has_topics else {}, rows, shift, words)
 
 
 def read_flights(

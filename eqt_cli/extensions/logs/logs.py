@@ -18,7 +18,7 @@ import numpy as np
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.base.errors import EqtError, InputError, printable
-from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
+from eqt_cli.base.files import CONFIG_MARK, TooLargeError, content_of, open_regular, text_of
 from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.components import matrix_groups, pose_tables
 from eqt_cli.components.matrix_groups import EuclideanGroup
@@ -332,7 +332,39 @@ def flight_of_table(text: str, name: str) -> Flight | None:
         return None
     table = with_units(sheet, LogMapping(drop=["invalid"]), ["t", *used]).table(["t", *used])
     times = np.round(1e9 * (table.columns["t"] + table.since)).astype(int)
-    return Flight(name, "blackbox", [Topic(name, "blackbox", len(table), times, table.columns)])
+    topics = [Topic(name, "blackbox", len(table), times, table.columns)]
+    settings = [(0.0, key, value) for key, value in betaflight_settings(Path(name)).items()]
+    topics += [Topic("", "", 0, np.empty(0, int), {}, "", settings)] if settings else []
+    return Flight(name, "blackbox", topics)
+
+
+RAW, LOG = (".bbl", ".bfl", ".txt"), b"H Product:Blackbox"
+"""Suffixes of raw logs of Betaflight, and how a log in such a file begins."""
+
+OTHER_LINES = re.compile(r"Field |Data version|Log start|[IP] interval|Device UID|Board info")
+"""Lines of their heads that are no settings."""
+
+
+def betaflight_settings(table: Path) -> dict[str, str]:
+    """Return gains and other settings of the raw log from which blackbox_decode wrote a table.
+
+    Of ``LOG00001.02.csv``, the raw log is the second one in ``LOG00001.BBL`` of the same folder.
+    """
+    name = re.fullmatch(r"(.+?)(?:\.(\d\d))?", table.stem)
+    stem, number = (name[1], int(name[2] or 1)) if name else (table.stem, 1)
+    beside = (table.with_name(stem + x) for suffix in RAW for x in (suffix.upper(), suffix))
+    for raw in (path for path in beside if path.is_file()):
+        logs = content_of(raw, MAX_BYTES).split(LOG)
+        if 0 < number < len(logs):
+            lines = re.match(rb"[^\n]*\n((?:H [^\n]*\n)*)", logs[number])
+            head = lines[1].decode("latin-1").splitlines() if lines else []
+            pairs = (line[2:].partition(":") for line in head)
+            return {
+                "release" if key == "Firmware revision" else key: value.strip()
+                for key, _, value in pairs
+                if not OTHER_LINES.match(key)
+            }
+    return {}
 
 
 # The table of a flight, which results keep --------------------------------------------------------

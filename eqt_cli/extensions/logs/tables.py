@@ -19,6 +19,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
 from eqt_cli.base.files import content_of, open_regular, text_in, text_of
 from eqt_cli.base.reporting import reporter
+from eqt_cli.extensions.logs.echoes import crazyflie_as_table, echo_as_table
 from eqt_cli.extensions.logs.first_bytes import beginnings, begins, format_of
 from eqt_cli.extensions.logs.log_table import CONVERTED
 
@@ -53,7 +54,7 @@ def text_of_recording(
     for name, (title, start) in beginnings()["tables"].items():
         if re.match(start, text[:HEAD]):
             try:
-                text = globals()[f"_{name}"](text, path)
+                text = (READERS.get(name) or globals()[f"_{name}"])(text, path)
             except (ValueError, LookupError, AttributeError, StopIteration, csv.Error) as error:
                 place = "".join(
                     re.findall(r"(?: with no rotation)? at row \d+, column \d+", f"{error}")
@@ -71,6 +72,9 @@ def _unicode(path: Path, limit: int) -> str:
         return text_in(path, limit)
     return re.sub("\r\n?", "\n", content_of(path, limit).decode("utf-16"))
 
+
+READERS: dict[str, Any] = {"echo": echo_as_table, "crazyflie": crazyflie_as_table}
+"""Readers of `tables.yaml` in another file."""
 
 SEPARATOR = re.compile(r"\ufeff?\"?sep=(.)\"?\n", re.IGNORECASE)
 """A first line for Excel."""
