@@ -19,7 +19,10 @@ those of `eqt_cli.api`, are provisional: any release may change them, and its ch
 
 import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
+
+__path__ += map(str, Path(__path__[0]).glob("extensions/*/names"))  # as `eqt_cli.gym`
 
 STABLE = {
     "load_experiment": "eqt_cli.api.loading",

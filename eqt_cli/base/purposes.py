@@ -163,6 +163,11 @@ def seeds_of_judges(document: core.Document) -> Iterable[tuple[str, int]]:
     """Yield keys and seeds of further runs that judge the laws of a document; `gym.make`."""
 
 
+@one("tasks by name")
+def task_by_name(name: str) -> tuple[core.Document, core.KeyPath, str, Mapping[str, int]]:
+    """Return a task, the place of its law, its objective and seeds of its runs; `gym.make`."""
+
+
 @every
 def conclusion_of_a_result(result: core.Result) -> core.Conclusion | None:
     """Return tables, default figures and laws to compare, or None; `show`, `compare`, `report`."""

@@ -10,70 +10,13 @@ weights that fly alike.
 import argparse
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
+from eqt_cli.gym import make, sb3
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnv
-
-import eqt_cli
 
 HERE = Path(__file__).parent
-
-
-# The environment as Stable-Baselines3 takes one ---------------------------------------------------
-
-
-class Adapter(VecEnv):
-    """A vector environment of Gymnasium, in the mode SAME_STEP, for Stable-Baselines3."""
-
-    def __init__(self, env: Any) -> None:
-        self.env = env
-        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-
-    def reset(self) -> Any:
-        return self.env.reset()[0]
-
-    def step_async(self, actions: Any) -> None:
-        self.actions = actions
-
-    def step_wait(self) -> Any:
-        observed, reward, terminated, truncated, info = self.env.step(self.actions)
-        infos: list[dict[str, Any]] = [{} for _ in reward]
-        for i in np.flatnonzero(terminated | truncated):
-            infos[i]["terminal_observation"] = info["final_obs"][i]
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
-        return observed, reward.astype(np.float32), terminated | truncated, infos
-
-    def close(self) -> None:
-        self.env.close()
-
-    def get_attr(self, name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self.env, name, None)] * self.num_envs
-
-    def set_attr(self, name: str, value: Any, indices: Any = None) -> None:
-        setattr(self.env, name, value)
-
-    def env_method(self, name: str, *args: Any, indices: Any = None, **more: Any) -> list[Any]:
-        return [getattr(self.env, name)(*args, **more)] * self.num_envs
-
-    def env_is_wrapped(self, wrapper: Any, indices: Any = None) -> list[bool]:
-        return [False] * self.num_envs
-
-
-# The training -------------------------------------------------------------------------------------
-
-
-class Mean(torch.nn.Module):
-    """The mean of a policy's actions: what flies has no exploration."""
-
-    def __init__(self, policy: Any) -> None:
-        super().__init__()
-        self.hidden, self.last = policy.mlp_extractor.policy_net, policy.action_net
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return self.last(self.hidden(x))
 
 
 def main() -> None:
@@ -84,10 +27,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     torch.set_num_threads(1)
-    env = eqt_cli.gym.make(HERE / "attitude.yaml", num_envs=256, stagger=True)
+    env = make(HERE / "attitude.yaml", num_envs=256, stagger=True)
     model = PPO(
         "MlpPolicy",
-        Adapter(env),
+        sb3(env),
         n_steps=32,
         batch_size=2048,
         n_epochs=4,
@@ -101,7 +44,8 @@ def main() -> None:
     began = time.process_time()
     model.learn(args.steps)
     seconds = time.process_time() - began
-    mean = Mean(model.policy).eval()
+    # What flies is the mean of the actions, without exploration.
+    mean = torch.nn.Sequential(model.policy.mlp_extractor.policy_net, model.policy.action_net)
     torch.onnx.export(mean, (torch.zeros(1, 12),), args.out, external_data=False, verbose=False)
     env.record(args.out)
 

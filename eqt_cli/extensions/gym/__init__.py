@@ -14,11 +14,20 @@ def register(extension: Extension) -> None:
     extension.add_function(purposes.remarks_on_an_experiment, "judging.remarks")
 
 
+_MODULES = {
+    "Environment": "environment",
+    "SingleEnvironment": "one",
+    "make": "environment",
+    "sb3": "stable_baselines",
+    "single": "one",
+}
+
+
 def __getattr__(name: str) -> Any:
     """Import what Gymnasium is needed for only where it is used."""
-    if name in __all__:
-        return imported(f"{__name__}.environment.{name}")
+    if name in _MODULES:
+        return imported(f"{__name__}.{_MODULES[name]}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-__all__ = ["Environment", "make"]
+__all__ = [*_MODULES]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -15,14 +16,15 @@ from eqt_cli.api.loading import Configuration, document_from
 from eqt_cli.base import purposes, yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
-from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.base.version import __version__
-from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.document import Document, changed_at, overridden
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.native import Native, programs
-from eqt_cli.extensions.gym import policy
+from eqt_cli.extensions.gym import laws, policy
 from eqt_cli.extensions.gym.judging import seed_of_training
+from eqt_cli.extensions.gym.registration import register
 from eqt_cli.extensions.gym.rewards import (
     Evaluated,
     Function,
@@ -48,8 +50,8 @@ except ImportError:
         "eqt_cli.gym needs Gymnasium, which is not installed; pip install '.[gym]'"
     ) from None
 
-KIND, USUAL = "network", "policy.onnx"
-"""The kind of law that a policy becomes, and its file where the configuration names none."""
+USUAL = "policy.onnx"
+"""The file of a policy where the configuration names none."""
 
 MODES = {"same_step": AutoresetMode.SAME_STEP, "disabled": AutoresetMode.DISABLED}
 
@@ -79,6 +81,7 @@ def make(
     autoreset: str | AutoresetMode = "same_step",
     privileged: Sequence[str] = (),
     controller: str | None = None,
+    law: laws.Written | None = None,
     overrides: Mapping[str, Any] | None = None,
     episodes: int = 4096,
     stagger: bool = False,
@@ -94,7 +97,8 @@ def make(
     Parameters
     ----------
     config
-        A YAML file, a result, or a configuration as a mapping.
+        A YAML file, a result, a configuration as a mapping, or the name of a task of the suite,
+        as ``eqt-suite-2/quad_att``.
     num_envs
         Number of environments. Each call costs some tenths of a millisecond, so that fewer than 64
         are slow.
@@ -123,6 +127,9 @@ def make(
         Signals and drawn numbers that ``info["privileged"]`` has, exactly: for a critic.
     controller
         Label of the law, where several are networks.
+    law
+        A network as a mapping, or in a YAML file as for `eqt suite`, in place of the laws: what it
+        observes and commands. Default of a task: it observes the errors, and commands a wrench.
     overrides
         Values by key, as of `load_experiment`.
     episodes
@@ -153,12 +160,12 @@ def make(
     """
     _expect(isinstance(overrides, Mapping | None), "overrides", KEYS, overrides)
     _expect(isinstance(controller, str | None), "controller", LABEL, controller)
-    document = document_from(
-        config,
-        {f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()},
-    )
+    settings = {
+        f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()
+    }
+    document, objective, judges = _experiment(config, law, settings)
     document, label = _for_training(document, controller)
-    judges = {"ensemble.seed": int((document.data.get("ensemble") or {}).get("seed", 0))}
+    judges["ensemble.seed"] = int((document.data.get("ensemble") or {}).get("seed", 0))
     for further in functions_for(purposes.seeds_of_judges):
         judges.update(further(document))
     seed = seed_of_training(judges, seed)
@@ -184,7 +191,6 @@ def make(
         )
     document = changed_at(document, ("ensemble", "seed"), seed, "seed")
     trained = study(document)
-    objective = (document.data.get("tune") or {}).get("objective")
     usual = objective if isinstance(objective, str) else "mean_pose_error"
     return Environment(
         trained,
@@ -200,6 +206,15 @@ def make(
         stagger=stagger,
         dtype=dtype,
     )
+
+
+def _again(
+    document: Document, label: str, num_envs: int, episodes: int, options: dict[str, Any]
+) -> Environment:
+    """Return an environment as another one was made."""
+    trained = study(document)
+    drawn = Episodes(problem_of(trained, label, episodes))
+    return Environment(trained, label, num_envs, drawn, **options)
 
 
 def _whole(value: Any, name: str, least: int = 1) -> None:
@@ -234,20 +249,42 @@ def _path(path: Any) -> Path:
     return Path(path)
 
 
+NAMED = re.compile(r"eqt-suite-[0-9]+/\w+")
+"""The name of a task of the suite."""
+
+
+def _experiment(
+    config: Configuration, law: laws.Written | None, settings: Mapping[str, str]
+) -> tuple[Document, Any, dict[str, int]]:
+    """Return a configuration or a named task, what it makes small, and seeds that it uses."""
+    if isinstance(config, str) and NAMED.fullmatch(config):
+        document, place, objective, seeds = function_for(purposes.task_by_name)(config)
+        document = overridden(laws.with_law(document, place, law), settings)
+        return document, objective, dict(seeds)
+    document = document_from(config, settings)
+    if law is not None:
+        document = replace(document, data=document.data | {"controllers": [None]})
+        document = laws.with_law(document, ("controllers", 0), law)
+    return document, (document.data.get("tune") or {}).get("objective"), {}
+
+
 def _for_training(document: Document, controller: str | None) -> tuple[Document, str]:
     """Return an experiment of its network alone, without a file, and its label."""
     data, name = document.data, document.path
-    laws = [law for law in data.get("controllers") or [] if isinstance(law, dict)]
-    laws = [law for law in laws if law.get("kind") == KIND]
-    labels = [str(law.get("label", KIND)) for law in laws]
-    if not laws:
+    networks = [
+        law
+        for law in data.get("controllers") or []
+        if isinstance(law, dict) and law.get("kind") == laws.KIND
+    ]
+    labels = [str(law.get("label", laws.KIND)) for law in networks]
+    if not networks:
         raise EqtError(
             f"{name}: controllers: expected a law of kind: network, whose `observes` and "
             "`commands` say what the policy reads and gives; add one (docs/howto/train.md)"
         )
-    if controller is None and len(laws) > 1:
+    if controller is None and len(networks) > 1:
         raise EqtError(
-            f"{name}: has {len(laws)} networks: {', '.join(labels)}; choose one by `controller`"
+            f"{name}: has {len(networks)} networks: {', '.join(labels)}; choose one by `controller`"
         )
     if controller is not None and controller not in labels:
         raise EqtError(
@@ -259,7 +296,7 @@ def _for_training(document: Document, controller: str | None) -> tuple[Document,
             f"{name}: has a sweep, and an environment is of one experiment; leave `sweep` out, and "
             "draw the numbers that vary between episodes, as in plant: {inertia: …}"
         )
-    law = dict(laws[labels.index(controller) if controller else 0])
+    law = dict(networks[labels.index(controller) if controller else 0])
     law.pop("memory", None)
     law = {"label": labels[0] if controller is None else controller, **law}
     law["file"] = str(law.get("file") or USUAL)
@@ -342,6 +379,16 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.training_seed = experiment.base.config.ensemble.seed
         self.episodes = len(episodes.states)
         self._penalty, self._stagger = penalty, stagger
+        self._options = {
+            "reward": reward,
+            "cost": cost,
+            "terminated": terminated,
+            "penalty": penalty,
+            "mode": mode,
+            "privileged": privileged,
+            "stagger": stagger,
+            "dtype": dtype,
+        }
         problem = problem_of(experiment, label, 1)
         engine = experiment.base.engine
         assert isinstance(engine, Native)
@@ -391,6 +438,25 @@ class Environment(VectorEnv[Array, Array, Array]):
         )
         is_name, self._reward = isinstance(reward, str), reward
         self.reward = (MetricReward if is_name else FunctionReward)(self.plant, reward)  # type: ignore[arg-type]
+
+    # Copies in other processes: what is compiled is made again there.
+
+    def __reduce__(self) -> Any:
+        """Return how the environment is made again, and where its episodes are."""
+        if isinstance(self._reward, str) or self._reward is not self._options["reward"]:
+            self._options["reward"] = self._reward
+        of = self.study.document, self.label, self.num_envs, self.episodes, self._options
+        before = getattr(self.reward, "_before", None)
+        state = {name: getattr(self, name) for name in STATE}, self.plant.moments, before
+        return _again, of, state
+
+    def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        """Continue the episodes of another environment."""
+        attributes, moments, before = state
+        vars(self).update(attributes)
+        self.plant.moments = moments
+        if before is not None:
+            self.reward._before = before  # type: ignore[union-attr]
 
     # Episodes.
 
@@ -658,6 +724,19 @@ class Environment(VectorEnv[Array, Array, Array]):
         """
         return policy.record(self, _path(path))
 
+    def write_law(self, path: str | os.PathLike[str], file: str) -> None:
+        """Write the law that the policy becomes, as `eqt suite` and ``law`` of `make` take it.
+
+        Parameters
+        ----------
+        path
+            The YAML file to write.
+        file
+            The exported network, relative to it.
+        """
+        _expect(isinstance(file, str), "file", "the name of a network's file", file)
+        laws.write(_path(path), file, self.study.document.data["controllers"][0])
+
     def check(
         self,
         path: str | os.PathLike[str],
@@ -690,8 +769,16 @@ class Environment(VectorEnv[Array, Array, Array]):
         return policy.check(self, _path(path), function, runs)
 
 
+STATE = (
+    *("_last", "_rewards", "_costs", "_observed", "_begun", "_order", "_ended", "_started"),
+    *("runs", "_horizon", "_steps"),
+)
+"""Attributes of an environment that its steps change."""
+
 REPEATED = 1000
 """After so many steps, functions of the user are tried again."""
+
+register()  # by name, with Gymnasium
 
 FIRST_END, START, ERRORS = range(3)
 """What is drawn of an episode."""

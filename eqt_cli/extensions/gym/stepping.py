@@ -31,6 +31,13 @@ MOST_BYTES = 2**27
 """Most memory for the sensor errors of episodes."""
 
 
+MOMENTS = (
+    *("states", "parameters", "tick", "waits", "_row", "_measured"),
+    *("_counts", "_ends", "_steps", "_times"),
+)
+"""Arrays of a plant that its steps change."""
+
+
 @dataclass(frozen=True)
 class FirstCommand:
     """States of a vehicle whose actuators have followed its first command before, for an engine."""
@@ -153,6 +160,17 @@ class Plant:
             "stopped": np.zeros(1, np.int64),
             "to_next_held": self._held.shape[1],
         }
+
+    @property
+    def moments(self) -> dict[str, Array]:
+        """Where all runs are."""
+        return {name: getattr(self, name) for name in MOMENTS}
+
+    @moments.setter
+    def moments(self, arrays: Arrays) -> None:
+        """Copy arrays into those that compiled code knows."""
+        for name, values in arrays.items():
+            getattr(self, name)[...] = values
 
     @property
     def failed(self) -> Array:

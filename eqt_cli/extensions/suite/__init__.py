@@ -9,3 +9,4 @@ def register(extension: Extension) -> None:
     extension.need("search")
     extension.add_command("suite", "commands.app", COMPUTE, "mylaw.py", "tune")
     extension.add_function(purposes.citations, "citing.citations", beside="law.zip")
+    extension.add_function(purposes.task_by_name, "named.task_by_name")
