@@ -256,8 +256,8 @@ def results(
         raise EqtError(f"{folder}: expected a folder; `eqt run CONFIG` makes results/NAME")
     paths = list(folder.rglob(FILE_NAME))
     whole = {path.parent for path in paths}  # generations of a search lie inside its result
-    records = [_listed(path) for path in paths if not whole & {*path.parent.parents}]
-    records.sort(key=lambda record: record["begun"], reverse=True)
+    dated = [_listed(path) for path in paths if not whole & {*path.parent.parents}]
+    records = [record for _, record in sorted(dated, key=lambda pair: pair[0], reverse=True)]
     rows = [[str(cell) for cell in record.values()] for record in records]
     header = ["result", "begun, UTC", "laws", "runs", "headline"]
     text = output.laid_out(TextTable("results", "", header, [Block("", rows)], [], (header[1],)))
@@ -265,16 +265,18 @@ def results(
     output.print_findings(records, *pieces, json=json, nothing=f"{folder}: no results")
 
 
-def _listed(path: Path) -> dict[str, Any]:
-    """Return a line about a result, also about one that cannot be read."""
+def _listed(path: Path) -> tuple[str, dict[str, Any]]:
+    """Return when a result was begun, and a line about it, also if it cannot be read."""
     from eqt_cli.base.reporting import significant
     from eqt_cli.results.result import open_result
     from eqt_cli.results.summary import compared_first, headline, unit_in_words
 
     record = {"result": str(path.parent), "begun": "", "laws": "", "runs": "", "headline": ""}
+    begun = ""
     try:
         with open_result(path) as result:
-            record["begun"] = str(result.provenance.get("started", ""))[:16].replace("T", " ")
+            begun = str(result.provenance.get("started", ""))
+            record["begun"] = begun[:16].replace("T", " ")
             record["laws"] = ", ".join(result.titles)
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
@@ -285,4 +287,4 @@ def _listed(path: Path) -> dict[str, Any]:
                     record["headline"] = words.rstrip()
     except EqtError as error:
         record["headline"] = str(error).removeprefix(f"{path}: ")
-    return record
+    return begun, record

@@ -311,6 +311,22 @@ def test_the_results_in_a_folder(eqt, folder):
     )
 
 
+def test_results_that_began_in_one_minute_stand_by_their_seconds(eqt, folder, monkeypatch):
+    seconds = {"b": "12", "a": "07", "c": "59"}
+    for name in seconds:
+        (folder / "results" / name).mkdir(parents=True)
+        (folder / "results" / name / "results.h5").touch()
+
+    def listed(path):
+        cells = dict.fromkeys(("begun", "laws", "runs", "headline"), "")
+        begun = f"2026-12-01T12:45:{seconds[path.parent.name]}"
+        return begun, {"result": path.parent.name, **cells}
+
+    monkeypatch.setattr("eqt_cli.cli.show._listed", listed)
+    names = [record["result"] for record in json.loads(eqt("results", "--json").out)]
+    assert names == ["c", "b", "a"]
+
+
 def test_a_folder_without_results(eqt, refused, folder):
     assert refused("results").startswith("results: expected a folder")
     (folder / "results").mkdir()
