@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, cos, cross, sin, stack
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Real, Scale
+from eqt_cli.base.option_types import Real, Scale, Unit
 from eqt_cli.components.forces import UNLIKE, Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
@@ -42,7 +42,7 @@ class GravityGradient(Force):
     departs: ClassVar[str] = "gravity gradient"
 
     rate: Annotated[Number, Scale("rate of the orbit", "rad/s")]
-    inertia: Matrix
+    inertia: Annotated[Matrix, Unit("kg m^2")]
     eccentricity: Real = 0.0
     anomaly: Annotated[Real, Scale("true anomaly", "rad")] = 0.0
     shape: Any = field(default=None, init=False, repr=False)
