@@ -38,6 +38,12 @@ BETWEEN = (WIDTH - sum(COLUMNS.values())) / 3
 HEAD = 18.0
 """Height of the name of a panel."""
 
+MARGIN = 8
+"""Margin of the wide picture where it stands in no page, px."""
+
+MARKS = ",", ";", ".", ")"
+"""What no line begins with."""
+
 STYLE = Path(__file__).with_name("alone.css")
 """Colours of a picture that stands in no page."""
 
@@ -90,6 +96,7 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
             lines += lines_of_word
         while text_width(word, size) > width:
             cut = next(k for k in range(len(word), 0, -1) if text_width(word[:k], size) <= width)
+            cut -= cut > 1 and word[cut:] in MARKS  # a comma has a letter before it
             lines.append(word[:cut])
             word = word[cut:]
         line = word
@@ -244,7 +251,8 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
     """
     width, scale = (NARROW, LARGER) if narrow else (WIDTH, 1.0)
     parts, height = (_rows if narrow else _columns)(diagram)
-    style, head = "", ""
+    style, head, margin = "", "", MARGIN if alone and not narrow else 0
+    left, wide, tall = -margin, width + 2 * margin, height + 2 * margin
     if alone:
         style = (
             f"<style>{STYLE.read_text('utf-8')}</style><metadata "
@@ -253,8 +261,8 @@ def svg(diagram: Diagram, *, narrow: bool = False, alone: bool = True) -> str:
         )
         head = '<?xml version="1.0" encoding="utf-8"?>\n'
     return (
-        f'{head}<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height:g}" '
-        f'width="{scale * width:g}" height="{scale * height:g}" '
+        f'{head}<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left} {left} {wide} {tall:g}" '
+        f'width="{scale * width:g}" height="{scale * width * tall / wide:g}" '
         'font-family="system-ui, sans-serif" '
         f'fill="currentColor" role="img"><title>{escape(f"The loop of {diagram.title}")}</title>'
         f"{style}{''.join(parts)}</svg>\n"
@@ -328,7 +336,7 @@ def _columns(diagram: Diagram) -> tuple[list[str], float]:
         label = diagram.arrows[SENSING]
     for k, words in enumerate(label):
         parts.append(_text(x + 6, top - 20 + 12 * k, words, SMALL))
-    notes, bottom = _notes(diagram, 0.0, bottom + 4, WIDTH)
+    notes, bottom = _notes(diagram, PAD, bottom + 4, WIDTH - PAD)
     return [*parts, *notes], bottom + 4
 
 
