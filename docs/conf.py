@@ -73,7 +73,7 @@ html_theme_options = {
         "image_dark": "_static/favicon.svg",
         "text": "eqt",
     },
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 5,
     "navigation_with_keys": False,
     "show_nav_level": 2,
     "secondary_sidebar_items": ["page-toc"],
