@@ -212,7 +212,9 @@ def _delimiter(head: str) -> str:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    with suppress(csv.Error):  # of a cell of more than 128 KiB, such as a line of a large file
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    return [line[:100]]
 
 
 def write_list(flights: Sequence[ListedFlight], path: Path) -> None:
