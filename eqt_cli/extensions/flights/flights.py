@@ -8,13 +8,14 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from eqt_cli.analysis import gate
 from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
@@ -215,7 +216,11 @@ def settings_of(tracking: TrackingErrors, begin: float, end: float) -> tuple[dic
     return settings, [*changes.values()]
 
 
-def flown(file: str, tracking: TrackingErrors, of: str, cuts: Array) -> list[Any]:
+Lap = tuple[int, float, float, float, dict[str, float], dict[str, str]]
+"""`Flown` behind its digest, of a lap or of a whole flight."""
+
+
+def flown(file: str, tracking: TrackingErrors, of: str, cuts: Array) -> Lap:
     """Return the numbers of a flight, as in `Flown`, over laps between times."""
     errors, (begin, end) = dict[str, float](), cuts[[0, -1]]
     for quantity, (t, rows) in tracking.curves.items():
@@ -235,9 +240,15 @@ def flown(file: str, tracking: TrackingErrors, of: str, cuts: Array) -> list[Any
     speed = [np.nansum(norm(np.diff(x, axis=0))) / (seconds or math.nan) for x in goals]
     winds = tracking.flight.series("wind") if tracking.flight else ()
     wind = [norm(numbers(series)).mean() for series in winds]
-    means = (float(x[0]) if x else math.nan for x in (speed, wind))
+    means = [float(x[0]) if x else math.nan for x in (speed, wind)]
     settings = settings_of(tracking, begin, end)[0]
-    return [len(cuts) - 1, seconds, *means, errors, settings]
+    return len(cuts) - 1, seconds, means[0], means[1], errors, settings
+
+
+def _readable(motion: str) -> str:
+    if motion:
+        motion_from(motion)  # raises ValueError
+    return motion
 
 
 class Evaluated(NamedTuple):
@@ -256,9 +267,9 @@ class Evaluated(NamedTuple):
     """
 
     topics: dict[str, str]
-    rows: list[Any]
+    rows: list[Lap]
     shift: float | None
-    motion: str = ""
+    motion: Annotated[str, AfterValidator(_readable)] = ""
 
 
 @contextmanager
@@ -282,7 +293,8 @@ def kept_in(folder: Path | None, how: Mapping[str, Any]) -> Iterator[dict[str, E
             if (record := read_record(file, "how", "flights")) is None:
                 raise ValueError("eqt did not write it")
         if record["how"] == which:
-            measured = {digest: Evaluated(*flight) for digest, flight in record["flights"].items()}
+            with suppress(ValidationError):  # of another shape: evaluated again
+                measured = TypeAdapter(dict[str, Evaluated]).validate_python(record["flights"])
     before = len(measured)
     try:
         yield measured
@@ -371,7 +383,8 @@ def read_flights(
                 raise EqtError(f"{file}: compares {pair}, but {other[1]} {other[0]}; {advice}")
         for k, row in enumerate(flight.rows):
             name = (within[k], f"{file} lap {k + 1}") if within else (side, f"{file}")
-            yield Flown(*name, digest, *row)
+            facts: Any = *name, digest, *row
+            yield Flown(*facts)
 
 
 ONCE = "a flight counts once: leave one out, or include both by --duplicates"

@@ -280,6 +280,34 @@ def test_a_second_look_evaluates_new_flights_and_those_that_are_read_otherwise(
     assert Path("kept/compared.json").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    "flights",
+    [
+        [],
+        {"a": [{}, []]},
+        {"a": {}},
+        {"a": [{}, [[1, 2.0]], None]},
+        {"a": ["p", [[1, 9.9, 1.0, None, {"position": 0.3}, {}]], None]},
+        {"a": [{}, [[1, 9.9, 1.0, None, {"position": "far"}, {}]], None]},
+        {"a": [{}, [[1, 9.9, 1.0, 0.0, {"position": 0.3}, {}]], None, "abc 4"]},
+    ],
+)
+def test_what_is_kept_in_another_shape_is_evaluated_again(fly, read, flights, monkeypatch):
+    figures = SimpleNamespace(save_flights=lambda *_: None)
+    monkeypatch.setitem(sys.modules, "eqt_cli.extensions.flights.figures", figures)
+    of_a, of_b = fly(A[:2], B[:2])
+    compare_flights(of_a, of_b, out="kept")
+    kept = Path("kept/compared.json")
+    how, whole = (json.loads(kept.read_text())[key] for key in ("how", "flights"))
+    if flights:
+        flights = dict.fromkeys(whole, flights["a"])
+    kept.write_text(json.dumps({"how": how, "flights": flights}))
+    read.clear()
+    compare_flights(of_a, of_b, out="kept")
+    assert read == [*of_a, *of_b]
+    assert json.loads(kept.read_text())["flights"] == whole
+
+
 def test_what_was_evaluated_before_a_refusal_is_kept(fly, read):
     of_a, of_b = fly()
     fly.one("short.ulg", t=T[:20])
