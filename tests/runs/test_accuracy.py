@@ -91,8 +91,8 @@ def test_a_run_whose_error_is_not_known_is_marked():
 
 
 def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
-    def chosen(*overrides, **changes):
-        found = experiment("ensemble.runs=50", *overrides, **changes)
+    def chosen(*overrides, runs=50, **changes):
+        found = experiment(f"ensemble.runs={runs}", *overrides, **changes)
         return chosen_entries(Study(None, found)).tolist()
 
     solver = "{cross_check: 4}"
@@ -104,7 +104,7 @@ def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
     assert chosen(solver="{cross_check: 4, rtol: 1.0e-3}", controllers="[nog]") == first
     # but these do.
     assert chosen("ensemble.seed=2", solver=solver) != first
-    assert chosen("ensemble.runs=51", solver=solver) != first
+    assert chosen(runs=51, solver=solver) != first
 
 
 def test_no_more_runs_are_chosen_than_there_are(experiment):
