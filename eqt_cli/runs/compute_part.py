@@ -155,7 +155,7 @@ def compute_part(
                 code = law if isinstance(law, RunsCode) else None
                 if code is not None:
                     code.drained()  # of earlier attempts
-                slab.add(block, _solve(block, reference, *slab.wanted(block), context))
+                slab.add(block, solved(block, reference, *slab.wanted(block), context))
                 if code is not None:
                     slab.seconds = np.append(slab.seconds, code.drained())
                 if not slab.ended[block.rows].all():
@@ -369,7 +369,7 @@ def _positions(chosen: Array, count: int) -> Array:
     return places
 
 
-def _solve(
+def solved(
     batch: Batch, reference: Desired, names: Sequence[str], whole: bool, context: TaskContext
 ) -> Solution:
     """Solve a batch; return the solution with its metrics and, if `whole`, all signals."""

@@ -7,7 +7,7 @@ near rest, with independent sources of mean 0, the mean squares add up; what is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
@@ -17,18 +17,22 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, suggestion
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import listed, step
+from eqt_cli.base.reporting import listed, step, working_for
 from eqt_cli.base.stored import Status, signal_of
 from eqt_cli.config.document import changed_at
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study, study
-from eqt_cli.engines.engine import hurried
+from eqt_cli.engines.engine import Compiled, Stopped, hurried
 from eqt_cli.extensions.budget.quantiles import LEVEL, Interval, mixed, of_runs
 from eqt_cli.extensions.budget.sources import Source, sources_of, without, without_all
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import existing
+from eqt_cli.numbers.leaves import leaves
 from eqt_cli.results.quantity import Window
-from eqt_cli.runs.compute_part import compute_part, shared_reference
+from eqt_cli.runs.batches import batches, kind_of
+from eqt_cli.runs.compute_part import shared_reference, solved
 from eqt_cli.runs.executors import Executor, TaskContext
 from eqt_cli.runs.folder import window_of
 
@@ -37,6 +41,9 @@ ERRORS = ("attitude_angle", "pointing_error", "position_error", "heading_error")
 
 SHARES = (0.5, 0.95, 0.997)
 """Quantiles that are told by default."""
+
+TORQUE = "torque_norm"
+"""The signal by which a run is found to fail between steps."""
 
 LEAST_RUNS = 5
 """Runs of a budget; an interval of fewer says next to nothing."""
@@ -217,6 +224,20 @@ def _loop(loop: ClosedLoop, variant: tuple[str, str]) -> ClosedLoop:
     return without_all(loop, filtered=kind == SILENT, sampled=kind != IDEAL)
 
 
+def _switched_off(variant: tuple[str, str], keys: frozenset[str]) -> Hashable:
+    """Return the sources that are off in a variant; equal ones are computed once."""
+    kind, key = variant
+    off = {ALL: frozenset[str](), SILENT: keys, "alone": keys - {key}, "beside": frozenset({key})}
+    return off.get(kind, kind)
+
+
+def _identity(experiment: Experiment, label: str) -> Hashable:
+    """Return a key of all that the runs of a loop follow from."""
+    loop = experiment.loops[label]
+    numbers = [(path, values.tobytes()) for path, values in leaves(loop).items()]
+    return kind_of(experiment, label), *numbers, repr(loop.vehicle.configured)
+
+
 @dataclass(frozen=True)
 class _Variants:
     """The parts of all variants, as a task of an executor."""
@@ -235,6 +256,24 @@ class _Variants:
         """Number of parts of a variant."""
         return len(self.base.plan)
 
+    def study(self, number: int) -> Study:
+        """Return the study of a variant; its runs are solved once if nothing reads their errors."""
+        if number not in self._studies:
+            base, variant = self.base.base, self.variants[number]
+            loops = {label: _loop(loop, variant) for label, loop in base.loops.items()}
+            solver, checks = base.solver, base.solver.judgement
+            if checks.max_error is None:
+                solver = replace(solver, judgement=replace(checks, error_estimate=False))
+            self._studies[number] = Study(None, replace(base, loops=loops, solver=solver))
+        return self._studies[number]
+
+    def law(self, number: int, law: int) -> int:
+        """Return the first law whose loop in a variant is the same, so that its runs are, too."""
+        one = self.study(number).base
+        return [_identity(one, label) for label in one.loops].index(
+            _identity(one, list(one.loops)[law])
+        )
+
     def runs_of(self, item: int) -> int:
         return len(self.base.plan.part(item % self.parts))
 
@@ -244,18 +283,29 @@ class _Variants:
     @blamed()
     def __call__(self, item: int, context: TaskContext) -> Any:
         """Compute a part of a variant, and return status and error of its runs."""
-        number = item // self.parts
-        if number not in self._studies:
-            base, variant = self.base.base, self.variants[number]
-            loops = {label: _loop(loop, variant) for label, loop in base.loops.items()}
-            self._studies[number] = Study(None, replace(base, loops=loops))
-        one = self._studies[number]
-        with hurried():
+        one, part = self.study(item // self.parts), self.base.plan.part(item % self.parts)
+        with hurried(), np.errstate(all="ignore"):  # starts may be absurd
             if not self._references:
                 self._references.append(shared_reference(self.base))
-            part = self.base.plan.part(item % self.parts)
-            slab = compute_part(one, part, self._references[0], context)
-        return slab.data["status"], slab.data[self.error]
+            return self._solved(one, part, context)
+
+    def _solved(self, one: Study, part: StudyPart, context: TaskContext) -> tuple[Array, Array]:
+        label, laws = list(one.base.loops)[part.controller], len(one.base.loops)
+        status = np.empty(len(part), dtype=int)
+        errors, wanted = np.empty((len(part), len(one.base.times))), [self.error, TORQUE]
+        with working_for(f"law {part.controller + 1} of {laws} ({label})"):
+            for batch in batches(one, label, np.arange(part.start, part.stop)):
+                blocks = [batch]
+                if isinstance(engine := batch.engine, Compiled):
+                    rows = engine.blocks(batch.problem, context.threads)
+                    blocks = [batch.select(some) for some in rows]
+                for block in blocks:
+                    solution = solved(block, self._references[0], wanted, True, context)
+                    if (solution.status == Status.STOPPED).any():
+                        raise Stopped
+                    status[block.rows] = solution.status
+                    errors[block.rows] = solution.arrays[self.error]
+        return status, errors
 
 
 def _computed(task: _Variants, executor: Executor) -> tuple[Array, Array]:
@@ -263,15 +313,23 @@ def _computed(task: _Variants, executor: Executor) -> tuple[Array, Array]:
     base, count = task.base.base, len(task.variants)
     shape = count, len(base.loops), base.config.ensemble.runs
     status, errors = np.ones(shape, dtype=int), np.full((*shape, len(base.times)), np.nan)
-    with step("runs", int(np.prod(shape))):
-        for outcome in executor.outcomes(task, range(count * task.parts)):
+    first = np.array([[task.law(k, law) for law in range(shape[1])] for k in range(count)])
+    parts = [task.base.plan.part(number) for number in range(task.parts)]
+    places = [(k, part) for k in range(count) for part in parts]
+    items = [
+        item
+        for item, (k, part) in enumerate(places)
+        if first[k, part.controller] == part.controller
+    ]
+    with step("runs", sum(map(task.runs_of, items))):
+        for outcome in executor.outcomes(task, items):
             if outcome.value is None:
                 raise EqtError("a worker was lost; run the same command again, with fewer workers")
-            variant, number = divmod(outcome.item, task.parts)
-            part = task.base.plan.part(number)
+            variant, part = places[outcome.item]
             place = variant, part.controller, part.run_numbers
             status[place], errors[place] = outcome.value
-    return status, errors
+    every = np.arange(count)[:, None], first
+    return status[every], errors[every]
 
 
 # The numbers --------------------------------------------------------------------------------------
@@ -463,8 +521,11 @@ def budget(
             f"{times[-1]:g} s, with a sample every {times[1]:g} s"
         )
     variants = list(variants_of(base, sources))
-    status, errors = _computed(_Variants(base, tuple(variants), error), executor)
-    errors = errors[..., inside]
+    keys = frozenset(source.key for source in sources)
+    distinct = {_switched_off(variant, keys): variant for variant in variants}
+    status, errors = _computed(_Variants(base, tuple(distinct.values()), error), executor)
+    which = [list(distinct).index(_switched_off(variant, keys)) for variant in variants]
+    status, errors = status[which], errors[which][..., inside]
     good = (status == Status.OK).all(axis=0)
     laws = []
     for k, (label, title) in enumerate(base.base.titles.items()):

@@ -52,10 +52,11 @@ def of_runs(values: Array, share: float) -> Interval:
     in at least 95 % of all experiments, whatever the distribution (Conover, Practical Nonparametric
     Statistics, 3.2).
     """
-    from scipy.stats import binom
+    from scipy.special import bdtr  # scipy.stats takes three times as long to import
 
     ordered, n, tail = np.sort(values), len(values), (1 - LEVEL) / 2
-    low, high = int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
+    up_to = bdtr(np.arange(n + 1.0), n, share)  # probabilities of so many runs or fewer
+    low, high = int(np.searchsorted(up_to, tail)), int(np.searchsorted(up_to, 1 - tail)) + 1
     needed = 0
     if low < 1 or high > n:
         needed = int(np.ceil(np.log(tail) / np.log(max(share, 1 - share))))
@@ -75,8 +76,7 @@ def mixed(errors: Array, share: float) -> Interval:
     interval of so many (Korn and Graubard 1998), read back at the quantiles of the samples
     (Woodruff 1952), is the interval.
     """
-    from scipy.stats import beta
-    from scipy.stats import t as student
+    from scipy.special import betaincinv, stdtrit
 
     n, value, tail = len(errors), float(np.quantile(errors, share)), (1 - LEVEL) / 2
     needed = int(np.ceil(LEAST_BEYOND / min(share, 1 - share)))
@@ -87,9 +87,9 @@ def mixed(errors: Array, share: float) -> Interval:
     if p == 0:  # all samples are equal, or but a few
         return Interval(value, value, float(errors.max()))
     size = min(p * (1 - p) / variance, errors.size) if variance else errors.size
-    size *= (student.ppf(tail, errors.size - 1) / student.ppf(tail, n - 1)) ** 2
-    least = beta.ppf(tail, p * size, (1 - p) * size + 1)
-    most = beta.ppf(1 - tail, p * size + 1, (1 - p) * size)
+    size *= (stdtrit(errors.size - 1, tail) / stdtrit(n - 1, tail)) ** 2
+    least = betaincinv(p * size, (1 - p) * size + 1, tail)
+    most = betaincinv(p * size + 1, (1 - p) * size, 1 - tail)
     return Interval(
         value, float(np.quantile(errors, 1 - most)), float(np.quantile(errors, 1 - least))
     )

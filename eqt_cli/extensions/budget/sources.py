@@ -11,11 +11,13 @@ from numpy.random import Generator
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.actuators import PassThrough
-from eqt_cli.components.forces import ConstantForce
+from eqt_cli.components.forces import ConstantForce, Force
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.sensors import TIMING as TIMED
 from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle import ACTUATORS, DEPTH, FELT, FLUX, FORCES, INERTIA, POSE, VELOCITY
+from eqt_cli.components.vehicle_parts import ConstantInertia, RelativeInertia, TrueInertia
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -70,8 +72,25 @@ class Ideal(PassThrough):
     departs: ClassVar[str] = ""
 
 
+def _without_force(part: Force) -> Force:
+    """Return no force; of one whose numbers tell its program, the same program."""
+    if isinstance(part, ConstantForce) and isinstance(part.force, list):
+        return with_fields(part, force=[0.0] * len(part.force))
+    return ConstantForce(0.0)
+
+
+def _as_believed(true: TrueInertia | None, model: InertiaLaw) -> TrueInertia | None:
+    """Return the inertia that the law believes; where numbers tell it, by the same program."""
+    if isinstance(true, RelativeInertia):
+        return with_fields(true, relative=0.0)
+    plain = isinstance(model, Inertia) and model.added is model.change is None and not model.leaves
+    if isinstance(true, ConstantInertia) and isinstance(model, Inertia) and plain:
+        return with_fields(true, matrix=model.matrix.tolist())
+    return None
+
+
 _OFF: dict[str, Callable[[Any], Any]] = {
-    FORCES: lambda part: ConstantForce(0.0),
+    FORCES: _without_force,
     ACTUATORS: lambda part: Ideal(),
     **dict.fromkeys((POSE, VELOCITY, FLUX, FELT, DEPTH), Silent.of_sensor),
 }
@@ -119,7 +138,7 @@ def without(loop: ClosedLoop, keys: Collection[str]) -> ClosedLoop:
     flux, felt, depth = vehicle.more_sensors
     changed = replace(
         vehicle,
-        inertia=None if INERTIA in keys else vehicle.inertia,
+        inertia=_as_believed(vehicle.inertia, loop.inertia) if INERTIA in keys else vehicle.inertia,
         forces=left(FORCES, vehicle.forces),
         actuators=left(ACTUATORS, vehicle.actuators),
         pose_sensors=left(POSE, vehicle.pose_sensors),
