@@ -143,6 +143,11 @@ def variables_of_a_result(study: core.Study) -> Mapping[str, core.Variable]:
     """Return further variables of a result by name; `eqt run`."""
 
 
+@one("metrics that judge constraints")
+def judge_constraints(batch: Any, names: Names, first: Any, threads: int) -> Any:
+    """Return a solution with what the motion between samples says of constraints; `eqt run`."""
+
+
 @every
 def errors_of_a_result(study: core.Study) -> Mapping[str, Any]:
     """Return attributes of a result on how much its numbers err; `eqt run`, after the runs."""

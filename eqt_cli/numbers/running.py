@@ -177,46 +177,6 @@ def simpson_weights(times: Array) -> Array:
     return weights
 
 
-STRAIGHT = 1e-6
-"""Allowed distance of a line between two times from the curve that it stands for."""
-
-MOST_TIMES = 200_000
-"""Times of a run beyond which no more are added."""
-
-MOST_ROUNDS = 8
-"""Rounds after which a curve that is not straight yet jumps."""
-
-
-def straightened(times: Array, parts: int, lines: Callable[[Array], Array]) -> Array:
-    """Return times, and others between them where the lines from one to the next are not straight.
-
-    A line over a time h is h²/8 |x″| away from its curve. Three neighbouring values tell |x″|.
-
-    Parameters
-    ----------
-    times : (n,)
-        Increasing times, s.
-    parts
-        Parts into which the time between two of them is divided at first.
-    lines
-        Returns the values at some times, ``(runs, times, k)``; the last call is of those returned.
-    """
-    divisions = np.full(len(times) - 1, parts)
-    for _ in range(MOST_ROUNDS):
-        ends = np.repeat(times[:-1], divisions), np.repeat(np.diff(times) / divisions, divisions)
-        within = np.arange(len(ends[0])) - np.repeat(np.cumsum(divisions) - divisions, divisions)
-        times = np.append(ends[0] + within * ends[1], times[-1])
-        steps, x = np.diff(times), lines(times)
-        rates = np.diff(x, axis=1) / steps[:, None]
-        bends = np.abs(np.diff(rates, axis=1)) / (steps[1:] + steps[:-1])[:, None] * 2
-        bends = np.pad(np.nan_to_num(bends).max(axis=(0, 2), initial=0.0), 1, mode="edge")
-        away = steps**2 / 8 * np.maximum(bends[1:], bends[:-1])
-        divisions = np.clip(np.ceil(np.sqrt(away / STRAIGHT)), 1, 8).astype(int)
-        if (divisions == 1).all() or divisions.sum() > MOST_TIMES:
-            break
-    return times
-
-
 def goes_by_samples(of: Callable[..., Any], shapes: Mapping[str, tuple[int, ...]]) -> bool:
     """Whether a formula gives the same sample by sample as of all samples, for random values.
 

@@ -13,8 +13,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, Arrays, distinct, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import read_arrays
@@ -54,7 +56,6 @@ from eqt_cli.runs.batches import (
     references,
     squares,
 )
-from eqt_cli.runs.between import judge_constraints
 from eqt_cli.runs.bounds import end_runs, largest_share
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import measured_of, outputs_of_laws, sizes_of, stored_quantities
@@ -389,7 +390,9 @@ def solved(
         second = measure(tighter, again, query, *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
         first.status[second.status == Status.STOPPED] = Status.STOPPED
-    first = judge_constraints(batch, names, first, context.threads)
+    if any(row.constraint for row in batch.experiment.metrics):
+        judge = function_for(purposes.judge_constraints)
+        first = judge(batch, names, first, context.threads)
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
     first = replace(first, numbers=first.numbers | {"error_estimate": estimate})
@@ -427,7 +430,7 @@ def _in_rows(reference: Desired) -> Array:
 def functions_of(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
     """Return the functions that measure a batch: at every sample, and per run.
 
-    What judges constraints is left to `judge_constraints`.
+    What judges constraints is left to `purposes.judge_constraints`.
     """
     problem, config = batch.problem, batch.experiment.config
     judged = {row.name for row in batch.experiment.metrics if row.constraint}

@@ -9,5 +9,6 @@ def register(extension: Extension) -> None:
     extension.add_component("metrics", "keep_out_time", "cones")
     extension.add_component("metrics", "keep_out_margin", "cones")
     extension.add_component("figures", "keep_out", "figures")
+    extension.add_function(purposes.judge_constraints, "between.judge_constraints")
     extension.add_function(purposes.boxes_of_a_diagram, "diagram.boxes")
     extension.add_function(purposes.remarks_on_an_experiment, "remarks.remarks", about=["cones"])

@@ -10,8 +10,9 @@ from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.horizon import Horizon
+from eqt_cli.extensions.keep_out.between import straightened
 from eqt_cli.extensions.keep_out.cones import Cone, OfCones, stretches, vanishing
-from eqt_cli.numbers.running import SampledRuns, straightened
+from eqt_cli.numbers.running import SampledRuns
 
 
 @purposes.remarks_on_an_experiment

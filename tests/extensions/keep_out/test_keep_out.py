@@ -9,8 +9,9 @@ from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.config.remarks import remarks
 from eqt_cli.extend import group_named
+from eqt_cli.extensions.keep_out.between import straightened
 from eqt_cli.loop.signals import metrics
-from eqt_cli.numbers.running import SampledRuns, straightened
+from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import open_result
 
