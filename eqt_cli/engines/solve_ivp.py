@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from math import factorial
 from pathlib import Path
 from types import SimpleNamespace
@@ -66,8 +66,12 @@ def coefficients() -> dict[str, Array]:
     return by_name
 
 
+Field = Callable[[float, Array], Array]
+"""A time and a flat state to its rates."""
+
+
 def solve(
-    field: Callable[[float, Array], Array],
+    field: Field,
     horizon: tuple[float, float],
     start: Array,
     *,
@@ -88,11 +92,7 @@ def solve(
         h = min(h, stop - t)
         if t + h == t:
             return SimpleNamespace(status=-1, message="the step size is too small")
-        slopes = np.zeros((16, len(y)))
-        slopes[0] = f
-        for stage, row in enumerate(tableau["STAGES"], start=1):
-            slopes[stage] = field(t + tableau["c"][stage] * h, y + h * (row @ slopes))
-        after = y + h * (tableau["STEP"][0] @ slopes)
+        slopes, after = _step(field, t, y, f, h)
         scale = atol + rtol * np.maximum(np.abs(y), np.abs(after))
         fifth, third = (_rms((tableau[f"ERROR_{n}"][0] @ slopes) / scale) for n in (5, 3))
         error = h * fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2) if fifth else 0.0
@@ -106,19 +106,45 @@ def solve(
         if inside[:-1].size or (inside != end).any():
             for stage, row in enumerate(tableau["DENSE_STAGES"], start=13):
                 slopes[stage] = field(t + tableau["c"][stage] * h, y + h * (row @ slopes))
-            change = after - y
-            parts = [change, h * f - change, 2 * change - h * (f + f_after)]
-            parts += [h * (tableau[f"DENSE_{n}"][0] @ slopes) for n in (3, 4, 5, 6)]
-            x = ((inside - t) / h)[None]
-            within = np.zeros((len(y), 1))
-            for index, part in enumerate(reversed(parts)):
-                within = (within + part[:, None]) * (x if index % 2 == 0 else 1 - x)
-            stretches.append(y[:, None] + within)
+            if _errs_between(slopes, h, scale):
+                stretches.append(_states_at(inside, field, t, y, f))
+            else:
+                stretches.append(_interpolated((inside - t) / h, slopes, h, y, after))
         elif inside.size:
             stretches.append(after[:, None])
         t, y, f = end, after, f_after
         h *= min(GROW, SAFETY * error ** (-1 / 8)) if error else GROW
     return SimpleNamespace(status=0, y=np.concatenate(stretches, axis=1))
+
+
+def _step(field: Field, t: float, y: Array, f: Array, h: float) -> tuple[Array, Array]:
+    """Return the slopes of a step, a row for each stage, and the state behind it."""
+    tableau, slopes = coefficients(), np.zeros((16, len(y)))
+    slopes[0] = f
+    for stage, row in enumerate(tableau["STAGES"], start=1):
+        slopes[stage] = field(t + tableau["c"][stage] * h, y + h * (row @ slopes))
+    return slopes, y + h * (tableau["STEP"][0] @ slopes)
+
+
+def _states_at(times: Array, field: Field, t: float, y: Array, f: Array) -> Array:
+    """Return the states behind steps of their own that end at some times, a column each."""
+    return np.transpose([_step(field, t, y, f, time - t)[1] for time in times.tolist()])
+
+
+def _interpolated(x: Array, slopes: Array, h: float, y: Array, after: Array) -> Array:
+    """Return the states at some shares of a step by its dense output, a column each."""
+    change, tableau = after - y, coefficients()
+    parts = [change, h * slopes[0] - change, 2 * change - h * (slopes[12] + slopes[0])]
+    parts += [h * (tableau[f"DENSE_{n}"][0] @ slopes) for n in (3, 4, 5, 6)]
+    within = np.zeros((len(y), 1))
+    for index, part in enumerate(reversed(parts)):
+        within = (within + part[:, None]) * (x if index % 2 == 0 else 1 - x)
+    return y[:, None] + within
+
+
+def _errs_between(slopes: Array, h: float, scale: Array) -> bool:
+    """Whether the dense output of a step errs by more than 20 tolerances."""
+    return _rms(h * (coefficients()["DENSE_ERROR"][0] @ slopes) / scale) > 1
 
 
 def _rms(values: Array) -> float:
@@ -356,7 +382,24 @@ class SolveIvp(Engine):
         """The function that solves a span."""
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
-        return solve_ivp
+        return partial(solve_ivp, method=_dop853() if self.method == "DOP853" else self.method)
+
+
+@cache
+def _dop853() -> Any:
+    """Return SciPy's DOP853 with steps that end at samples where its dense output errs."""
+    from scipy.integrate import DOP853
+
+    class Dop853(DOP853):  # type: ignore[misc]
+        def _dense_output_impl(self) -> Any:
+            dense, slopes = super()._dense_output_impl(), self.K_extended
+            t, y = self.t_old, self.y_old
+            scale = self.atol + self.rtol * np.maximum(np.abs(y), np.abs(self.y))
+            if not _errs_between(slopes, self.h_previous, scale):
+                return dense
+            return partial(_states_at, field=self.fun, t=t, y=y, f=slopes[0].copy())
+
+    return Dop853
 
 
 class _Failed(Exception):
@@ -456,7 +499,6 @@ class Blocks(Integrator):
                     field,
                     (span.start, span.stop),
                     start,
-                    method=engine.method,
                     t_eval=interpolated_at,
                     events=accepted,
                     first_step=first_step,

@@ -107,6 +107,13 @@ static void eqt_derivative(eqt_lanes *lanes, eqt_real t, const eqt_real *state, 
               lanes->right);
 }
 
+/* The tolerance of a state in a step. */
+EQT_INLINE eqt_real eqt_tolerance(const eqt_lanes *lanes, int i)
+{
+    eqt_real most = eqt_most(eqt_abs(lanes->y[i]), eqt_abs(lanes->next[i]));
+    return lanes->span->atol + lanes->span->rtol * most;
+}
+
 /* The norm of a vector in units of the tolerance at y: a root mean square. */
 static eqt_real eqt_in_tolerances(const eqt_lanes *lanes, const eqt_real *values)
 {
@@ -200,6 +207,23 @@ static void eqt_prepare_dense(eqt_lanes *lanes)
 #undef ADD
 }
 
+/* How much that polynomial errs, in 20 tolerances of a step. It magnifies what a step leaves of a mode
+   that is fast beside it, which the error of the step does not tell. */
+static eqt_real eqt_dense_error(const eqt_lanes *lanes)
+{
+    const eqt_real(*k)[EQT_STATES] = lanes->k;
+    eqt_real squares = eqt_constant(0.0);
+    int i;
+#define ADD(a, j) sum = eqt_fma(eqt_constant(a), k[j][i], sum);
+    for (i = 0; i < EQT_STATES; i++) {
+        eqt_real sum = eqt_constant(0.0);
+        EQT_DENSE_ERROR sum = sum / eqt_tolerance(lanes, i);
+        squares = eqt_fma(sum, sum, squares);
+    }
+#undef ADD
+    return lanes->h * eqt_sqrt(squares / (double)EQT_STATES);
+}
+
 /* That polynomial at 0 <= theta < 1, by a weight for each stage: few samples lie in a step, so that
    its coefficients would not pay. Only the states that are `wanted`. */
 static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const char *wanted, eqt_real *state)
@@ -240,7 +264,6 @@ static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const char *want
    with a comparison on the wrong side at a stage. */
 static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
 {
-    const eqt_span *span = lanes->span;
     eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, *next = lanes->next, h = lanes->h;
     eqt_real third = eqt_constant(0.0), fifth = third, both;
     eqt_mask wrong = eqt_less(third, third);
@@ -255,8 +278,7 @@ static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
     for (i = 0; i < EQT_STATES; i++) {
         eqt_real sum = eqt_constant(0.0), per_tolerance;
         EQT_STEP next[i] = eqt_fma(h, sum, y[i]);
-        per_tolerance =
-            1.0 / (span->atol + span->rtol * eqt_most(eqt_abs(y[i]), eqt_abs(next[i])));
+        per_tolerance = 1.0 / eqt_tolerance(lanes, i);
         sum = eqt_constant(0.0);
         EQT_ERROR_3 sum = sum * per_tolerance;
         third = eqt_fma(sum, sum, third);
@@ -451,6 +473,7 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
     const eqt_real never = eqt_constant(EQT_INFINITY), one = eqt_constant(1.0);
     const eqt_mask last = eqt_lanes_where(lanes->last);
     eqt_real known = eqt_select(last, lanes->stop, lanes->t + lanes->h);
+    eqt_mask errs = last, unused;
     int lane, i, prepared = 0;
     known = eqt_select(accepted, known, -never);
     for (;;) {
@@ -460,10 +483,20 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
             return;
         inside = due & eqt_less(lanes->due, lanes->stop) & eqt_less(theta, one);
         if (eqt_any(inside)) {
-            if (!prepared)
+            if (!prepared) {
                 eqt_prepare_dense(lanes);
+                errs = eqt_less(eqt_constant(1.0), eqt_dense_error(lanes));
+            }
             prepared = 1;
             eqt_in_step(lanes, theta, eqt_seen, lanes->at);
+            if (eqt_any(inside & errs)) {
+                /* A step of its own, which ends at the sample: those of the run stay as they are. */
+                eqt_lanes aside = *lanes;
+                aside.h = theta * lanes->h;
+                eqt_try_step(&aside, &unused);
+                for (i = 0; i < EQT_STATES; i++)
+                    lanes->at[i] = eqt_select(errs, aside.next[i], lanes->at[i]);
+            }
         }
         for (i = 0; i < EQT_STATES; i++)
             lanes->at[i] = eqt_select(inside, lanes->at[i], lanes->next[i]);

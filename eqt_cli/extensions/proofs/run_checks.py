@@ -804,8 +804,7 @@ INTEGRALS = np.array([2 / (1 - k**2) if k % 2 == 0 else 0.0 for k in range(ORDER
 class StepsEndAtTimes(Problem):
     """A problem whose steps end at its sample times.
 
-    Only there are states known to the tolerance. Between, dense output magnifies the error of a
-    stiff mode: by DOP853 100 times where the mode limits the step, 1000 times after a longer step.
+    Only there are states known to the tolerance: samples within a step may err by 20 times that.
     """
 
     @classmethod
