@@ -4,32 +4,50 @@
     python examples/gym/task.py
     eqt suite policy.yaml --tasks quad_att
 
-It takes two minutes of a core.
+It takes a minute of a core, and ends with 1.3 times the error of GT at 0.9 of the effort.
 """
 
+import gymnasium
+import numpy as np
 import torch
 from eqt_cli.gym import make, sb3
 from stable_baselines3 import PPO
 
+BOUND = 0.75 / 3  # N² m²: what a law may spend in the task, over its 3 s
+
+
+class Bounded(gymnasium.vector.VectorWrapper):
+    """Charges the cost at a price, which rises while the cost is above its bound."""
+
+    price = 0.1
+
+    def step(self, actions):
+        observations, rewards, terminated, truncated, info = super().step(actions)
+        self.price *= np.exp(3e-3 * np.clip(info["cost"].mean() / BOUND - 1, -1, 1))
+        return observations, rewards - self.price * info["cost"], terminated, truncated, info
+
+
 torch.set_num_threads(1)
-env = make("eqt-suite-2/quad_att", num_envs=256, stagger=True)
+env = make(
+    "eqt-suite-2/quad_att", num_envs=256, stagger=True, cost=lambda x: (x.torque**2).sum(axis=-1)
+)
 model = PPO(
     "MlpPolicy",
-    sb3(env),
+    sb3(Bounded(env)),
     n_steps=32,
     batch_size=2048,
     n_epochs=4,
     gamma=0.97,
     gae_lambda=0.9,
     learning_rate=lambda left: 1e-3 * left + 1e-5,
-    policy_kwargs={"log_std_init": -0.7, "net_arch": [64, 64], "activation_fn": torch.nn.Tanh},
+    policy_kwargs={"log_std_init": -1.0, "net_arch": [64, 64], "activation_fn": torch.nn.Tanh},
     seed=1,
     device="cpu",
 )
-model.learn(3_000_000)
+model.learn(2_000_000)
 
 # What flies is the mean of the actions, without exploration.
-mean = torch.nn.Sequential(model.policy.mlp_extractor.policy_net, model.policy.action_net)
+mean = torch.nn.Sequential(model.policy.mlp_extractor.policy_net, model.policy.action_net).eval()
 observation = torch.zeros(1, *env.single_observation_space.shape)
 torch.onnx.export(mean, (observation,), "policy.onnx", external_data=False, verbose=False)
 env.record("policy.onnx")

@@ -712,6 +712,7 @@ class Environment(VectorEnv[Array, Array, Array]):
             "experiment": config.name,
             "seed": self.training_seed,
             "reward": self.reward.text,
+            "cost": self.cost.text if self.cost else "",
             "terminated": self.terminated_text,
             "period": self.plant.period,
             "version": __version__,

@@ -42,7 +42,7 @@ from eqt_cli.components.laws import (
 from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.network.steps import ENTRIES, LETTERS, Built, network_of, table
+from eqt_cli.extensions.network.steps import ENTRIES, LETTERS, MISSING, Built, network_of, table
 from eqt_cli.numbers.c_headers import PRELUDE, headers, needed
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -121,7 +121,11 @@ class Observed(Keys):
                 f"applies to positions, velocities and rates, not to {self.signal}; leave it out"
             )
         if (self.order is None) == (self.signal == "quaternion"):
-            problems.at("order").add("belongs to a quaternion, of which it is wxyz or xyzw")
+            problems.at("order").add(
+                f"applies to quaternion, not to {self.signal}; leave it out"
+                if self.order
+                else "missing; write wxyz or xyzw, the order of the quaternion"
+            )
         if self.steps > 1 and self.signal != LAST:
             problems.at("steps").add(f"applies to {LAST}, not to {self.signal}; leave it out")
         if not self.scale:
@@ -535,7 +539,7 @@ class Network(RunsCode, Previews):
             observation.check(G, problems.at("observes", index))
             if observation.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
                 problems.at("observes", index).add("last_command occurs twice; name it once")
-        if problems or self.text in ("", UNTRAINED):
+        if problems or self.text in ("", UNTRAINED, MISSING):
             return
         with problems.catching("file"):
             check_examples(self.text, self.file)
@@ -568,7 +572,7 @@ class Network(RunsCode, Previews):
             check_foreseen(plant, problems.at("observes", index, "preview"))
         if problems or not self.text:
             return self
-        if self.text == UNTRAINED:
+        if self.text in (UNTRAINED, MISSING):
             return self._with_outputs(G, plant).for_plant(G, plant, problems)
         M, curve = self._commanding(G, plant, problems.at("commands"))
         if problems:

@@ -76,6 +76,10 @@ def network_of(text: str, name: str, memory: tuple[tuple[str, str], ...] | None 
     return built
 
 
+MISSING = "missing"
+"""Text in place of a file that is not there, so that all else is checked; it is refused then."""
+
+
 class Built:
     """A network that is built step by step.
 

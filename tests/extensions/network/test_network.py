@@ -6,7 +6,7 @@ import json
 import h5py
 import numpy as np
 import pytest
-from said import error_of
+from said import error_of, says
 from scipy.integrate import solve_ivp
 from small_experiment import mapping
 
@@ -542,7 +542,7 @@ LAWS = {
     "observes[0].frame: applies to positions, velocities and rates, not to rotation; leave it": {
         "observes": [{"signal": "rotation", "frame": "body"}]
     },
-    "observes[0].order: belongs to a quaternion, of which it is wxyz or xyzw": {
+    "observes[0].order: missing; write wxyz or xyzw, the order of the quaternion": {
         "observes": [{"signal": "quaternion"}]
     },
     "observes[0].steps: applies to last_command, not to rates; leave it out": {
@@ -660,3 +660,16 @@ def test_a_network_needs_a_clock(policy):
 def test_without_onnx_the_extra_is_named(read, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnx", None)
     assert "pip install '.[network]'" in error_of(read, every_operation(), kind=InputError)
+
+
+def test_of_a_network_that_is_not_trained_yet_all_else_is_checked():
+    law = {"kind": "network", "file": "untrained.onnx", "observes": ["rotation_error"]}
+    for scale, sentence in (
+        ([1, 2], "controllers[0].commands.scale: expected 3 numbers, got 2"),
+        (1, "controllers[0].file: untrained.onnx: not found, and all else…eqt_cli.gym.make…"),
+    ):
+        config = mapping(
+            controllers=[law | {"commands": {"scale": scale}}], control={"period": 0.1}
+        )
+        said = error_of(eqt_cli.load_experiment, config)
+        assert says(said, sentence), said
