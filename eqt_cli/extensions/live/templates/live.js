@@ -772,6 +772,9 @@
     $("run").value = String(Number.isFinite(run) ? Math.max(0, Math.min(data.runs - 1, run)) : 0);
     moved();
   });
+  window.addEventListener("beforeprint", () => {
+    for (const folded of document.querySelectorAll("details")) folded.open = true;
+  });
   const theme = /** @type {HTMLSelectElement} */ (document.getElementById("theme"));
   theme.addEventListener("change", () => {
     if (theme.value) document.documentElement.dataset.theme = theme.value;
