@@ -160,23 +160,6 @@ def needed(
     )
 
 
-def read_files(paths: Iterable[str], modules: Iterable[str]) -> dict[str, str]:
-    """Return the hashes of the files that another process has read, by name.
-
-    Parameters
-    ----------
-    modules
-        Files of the modules that were loaded there, which are left out.
-    """
-    contents, of_modules = dict[str, str](), {*modules}
-    for path in paths:
-        other = path.endswith(".pyc") or path in of_modules or is_of_eqt(path)
-        if not other and Path(path).is_file():
-            with suppress(OSError):
-                contents[path] = hashed(Path(path).read_bytes())
-    return by_name(contents)
-
-
 @contextmanager
 def opened_files() -> Iterator[dict[str, str]]:
     """Receive the hashes of the files that code of somebody else opens in the block, by name."""

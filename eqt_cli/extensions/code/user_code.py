@@ -22,7 +22,7 @@ import numpy as np
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.code_files import needed, read_files, united
+from eqt_cli.base.code_files import by_name, hashed, is_of_eqt, needed, united
 from eqt_cli.base.errors import EqtWarning, InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
 from eqt_cli.base.reporting import reporter, working_for
@@ -966,3 +966,20 @@ def function_in_python(
     rows = np.hstack([value.reshape(len(value), -1) for value in arguments.values()])
     how = {"call": call, "torque": result, "per_run": False, "repeats": False}
     return called(code, np.empty(0), period, rows, how)
+
+
+def read_files(paths: Iterable[str], modules: Iterable[str]) -> dict[str, str]:
+    """Return the hashes of the files that another process has read, by name.
+
+    Parameters
+    ----------
+    modules
+        Files of the modules that were loaded there, which are left out.
+    """
+    contents, of_modules = dict[str, str](), {*modules}
+    for path in paths:
+        other = path.endswith(".pyc") or path in of_modules or is_of_eqt(path)
+        if not other and Path(path).is_file():
+            with suppress(OSError):
+                contents[path] = hashed(Path(path).read_bytes())
+    return by_name(contents)
