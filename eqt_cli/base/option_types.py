@@ -196,13 +196,16 @@ class _InUnit:
 
 
 def _tagged(value: Any, units: Sequence[str], *, mixed: bool = False) -> Any:
-    if isinstance(value, str):
-        return Written(value, units, mixed=mixed)
-    if isinstance(value, list):
-        return [_tagged(entry, units, mixed=mixed) for entry in value]
-    if isinstance(value, dict):
-        return {key: _tagged(entry, units, mixed=mixed) for key, entry in value.items()}
-    return value
+    return with_values(value, lambda x: Written(x, units, mixed=mixed) if isinstance(x, str) else x)
+
+
+def with_values(data: Any, function: Callable[[Any], Any]) -> Any:
+    """Return nested mappings and lists with a function applied to each value in them."""
+    if isinstance(data, dict):
+        return {key: with_values(value, function) for key, value in data.items()}
+    if isinstance(data, list):
+        return [with_values(value, function) for value in data]
+    return function(data)
 
 
 def number_of(value: Any) -> Any:

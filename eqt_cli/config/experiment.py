@@ -21,7 +21,7 @@ from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, distinct, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.extensions import function_for
-from eqt_cli.base.option_types import Kind, validated
+from eqt_cli.base.option_types import Kind, validated, with_values
 from eqt_cli.base.registry import blamed, code_of
 from eqt_cli.base.stored import distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
@@ -269,11 +269,7 @@ def hashes(files: Mapping[str, str]) -> dict[str, str]:
 
 def renamed(data: Any, names: Mapping[str, str]) -> Any:
     """Return configuration data with the names of files replaced."""
-    if isinstance(data, dict):
-        return {key: renamed(value, names) for key, value in data.items()}
-    if isinstance(data, list):
-        return [renamed(value, names) for value in data]
-    return names.get(data, data) if isinstance(data, str) else data
+    return with_values(data, lambda x: names.get(x, x) if isinstance(x, str) else x)
 
 
 # From the sections of a configuration to its experiment -------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems, parse_key
-from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds
+from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds, with_values
 from eqt_cli.base.stored import WHEEL
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.accelerometer import Lever
@@ -116,11 +116,7 @@ def check_horizon(
 
 def _as_floats(value: Any) -> Any:
     """Convert integers to floats, so that 0 and 0.0 describe the same experiment."""
-    if isinstance(value, dict):
-        return {key: _as_floats(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_as_floats(entry) for entry in value]
-    return float(value) if isinstance(value, int) else value
+    return with_values(value, lambda x: float(x) if isinstance(x, int) else x)
 
 
 # The section `controllers`: when a law is called --------------------------------------------------
