@@ -25,6 +25,9 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
 from eqt_cli.components.vehicle import ESTIMATOR, Vehicle, navigates
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
+from eqt_cli.engines import library
+from eqt_cli.engines.engine import Compiled, evaluate
+from eqt_cli.engines.library import Rows
 from eqt_cli.engines.native import compiled_if_possible, law_of
 from eqt_cli.extensions.export.program_error import (
     DOUBLE,
@@ -371,7 +374,7 @@ RANDOM = 1000
 """Number of random states beside the states of the runs."""
 
 HALF_TURNS = 100
-"""Number of random states 1e-2 to 1e-16 rad from a half turn, where a group has such."""
+"""Number of random states 2^-7 to 2^-53 rad from a half turn, where a group has such."""
 
 
 @dataclass(frozen=True)
@@ -424,49 +427,70 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int)
             f"{label}: all of the first {ensemble.runs} runs fail, so that there is no state to "
             f"check the exported law at: {solution.messages[0]}"
         )
-    problem = batch.problem.select(good)
-    loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
-    with np.errstate(all="ignore"):
-        inputs_of, memory = loop.law_input(problem.times, states), loop.memory(states)
+    problem, states = batch.problem.select(good), solution.states[good]
     shape = states.shape[:2]
-    columns = {
-        INPUT + entry.name: np.broadcast_to(
-            getattr(inputs_of, entry.source), (*shape, *entry.shape)
-        )
-        for entry in law.inputs
-    }
-    columns |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
+
+    def read(loop: ClosedLoop, t: Any, states: Array) -> dict[str, Array]:
+        inputs_of, memory = loop.law_input(t, states), loop.memory(states)
+        columns = {
+            INPUT + entry.name: np.broadcast_to(
+                getattr(inputs_of, entry.source), (*states.shape[:-1], *entry.shape)
+            )
+            for entry in law.inputs
+        }
+        return columns | {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
+
+    with np.errstate(all="ignore"):
+        columns = evaluate(engine, read, problem, states)
     rows = {name: np.array(values).reshape(np.prod(shape), -1) for name, values in columns.items()}
     finite = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in rows.values()])
     rows = {name: values[finite] for name, values in rows.items()}
     random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
-    drawn = _random(rows, loop.group, random)
+    drawn = _random(rows, problem.loop.group, random, isinstance(engine, Compiled))
     inputs = {name: np.concatenate([values, drawn[name]]) for name, values in rows.items()}
     return CheckedStates(inputs, len(good), int(finite.sum()))
 
 
-def _random(rows: Arrays, G: MatrixLieGroup, random: np.random.Generator) -> dict[str, Array]:
-    """Return states with any error of the pose, and all else as large as in the runs."""
+def _random(
+    rows: Arrays, G: MatrixLieGroup, random: np.random.Generator, compiled: bool = False
+) -> dict[str, Array]:
+    """Return states with any error of the pose, and all else as large as in the runs.
+
+    Compiled code computes the poses in the same bits on every machine.
+    """
     chosen = random.integers(0, len(rows[f"{INPUT}t"]), RANDOM)
     errors = random.standard_normal((RANDOM, G.dimension))
     for part in G.parts:
         if part.turns:
             turn = errors[:HALF_TURNS, part.axes]
-            angle = np.pi - 10.0 ** random.uniform(-16, -2, (HALF_TURNS, 1))
+            power = random.uniform(-53, -7, (HALF_TURNS, 1))
+            angle = np.pi - np.ldexp(1 + power % 1, np.floor(power).astype(int))
             errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
-    error = G.exp(errors)
     drawn = {}
     for name, values in rows.items():
         if name in (f"{INPUT}t", f"{INPUT}desired_pose"):
             drawn[name] = values[chosen]
         elif name == f"{INPUT}pose":
             about = f"{INPUT}desired_pose" if f"{INPUT}desired_pose" in rows else name
-            desired = rows[about][chosen].reshape(-1, G.size, G.size)
-            drawn[name] = (desired @ error).reshape(RANDOM, -1)
+            starts = {"desired": rows[about][chosen], "error": errors}
+            if compiled:
+                program = traced(
+                    lambda inputs: {"pose": _moved(G, **inputs)},
+                    {key: values.shape[1] for key, values in starts.items()},
+                )
+                inputs = [Rows(values, by_run=True) for values in starts.values()]
+                pose = library.evaluated(program, RANDOM, 1, inputs)["pose"]
+            else:
+                pose = _moved(G, **starts)
+            drawn[name] = pose.reshape(RANDOM, -1)
         else:
             size = np.abs(values).max(axis=0)
             drawn[name] = size * random.uniform(-1, 1, (RANDOM, len(size)))
     return drawn
+
+
+def _moved(G: MatrixLieGroup, desired: Array, error: Array) -> Array:
+    return desired.reshape(*error.shape[:-1], G.size, G.size) @ G.exp(error)
 
 
 CHECK = "_check"
