@@ -262,7 +262,12 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
                 exec(compile(text, str(path), "exec"), module.__dict__)
             _code[module.__name__] = files
         except (Exception, SystemExit) as error:
-            raise ComponentError(f"plugin {path}: {described(error)}") from error
+            cure = ""
+            if isinstance(error, FileNotFoundError):
+                cure = (
+                    "; results have copies of plugins, and of no file that they read: copy it there"
+                )
+            raise ComponentError(f"plugin {path}: {described(error)}{cure}") from error
     # Messages quote lines of the text, even where the file is another one or does not exist.
     name = str(module.__file__)
     linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name

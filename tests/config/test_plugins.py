@@ -248,6 +248,15 @@ def test_an_error_when_it_is_executed(message, law):
     )
 
 
+def test_a_file_that_it_reads_and_no_result_copies(message, law):
+    law.write_text("open('/no/gain.txt')\n", encoding="utf-8")
+    assert says(
+        message(**PUSH),
+        "…FileNotFoundError…'/no/gain.txt'; results have copies of plugins, and of no file that "
+        "they read: copy it there",
+    )
+
+
 def test_no_component(message, law):
     law.write_text("x = 1\n", encoding="utf-8")
     said = message(**PUSH)
