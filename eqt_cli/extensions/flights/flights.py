@@ -38,6 +38,9 @@ LEAST_SECONDS, LEAST_SHARE, SLACK = 10.0, 0.5, 0.05
 """Least time that is compared, s, and as a share of the time with setpoints; and the share of a lap
 that may be missing at the end."""
 
+WHOLE, SHORTEST = 0.9, 2.0
+"""The same of flights that are compared almost as a whole: indoors, some take 6 s."""
+
 ALIKE, MOST_SHOWN = (0.9, 1.1), 6
 """Ratios of times, speeds and winds that are not told; largest number of settings that are told."""
 
@@ -322,7 +325,8 @@ def evaluated(
     t = next(iter(tracking.curves.values()))[0]
     begin, end = t[0], np.nextafter(t[-1], np.inf)
     seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
-    if seconds < max(LEAST_SECONDS, LEAST_SHARE * whole):
+    shortest = SHORTEST if seconds >= WHOLE * whole else LEAST_SECONDS
+    if seconds < max(shortest, LEAST_SHARE * whole):
         least = f"{LEAST_SECONDS:g} s or more, and half of {whole:.4g} s with setpoints"
         raise EqtError(f"{file}: only {seconds:.4g} s are compared; expected {least}")
     if (changes := settings_of(tracking, begin, end)[1]) and not within:

@@ -23,12 +23,13 @@ from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryF
 from eqt_cli.extensions.logs import frames, logs
 from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.log_check import LogCheck, check_text, largest_group, topics_of
-from eqt_cli.extensions.logs.log_table import open_sheet
+from eqt_cli.extensions.logs.log_table import CONVERTED, open_sheet
 from eqt_cli.extensions.logs.logs import Flight, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.logs.recording import read_log, recorded_names
 from eqt_cli.extensions.logs.recording_check import Recording, recording_of
 from eqt_cli.extensions.logs.setpoints import setpoints_of
 from eqt_cli.extensions.logs.tables import text_of_recording, with_columns
+from eqt_cli.extensions.logs.two_clocks import clocks_of
 from eqt_cli.extensions.logs.unflown import flown_rows
 
 MappingSource: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -86,7 +87,7 @@ def check_log(
     G, flight = None if group is None else group_named(group), _flight(path)
     with _read(path, mapping, format, flight) as read:
         check = check_text(*read[:4], G)
-        check.notes.extend(read.remarks)
+        check.notes.extend([*read.remarks, *read.clocks()])
     more: Any = {"topics": [*topics_of(flight)], "format": flight.format} if flight else {}
     return replace(check, **more)
 
@@ -174,6 +175,13 @@ class Read(NamedTuple):
         """Return the motion in the table."""
         one = recording_of(read_log(*self[:3], G, self.mapping))
         return replace(one, notes=(*self.remarks, *one.notes))
+
+    def clocks(self) -> list[str]:
+        """Say how far the clocks of two sources in the table differ."""
+        if self.format != "csv" or self.text.startswith(CONVERTED):
+            return []
+        clocks = clocks_of(*self[:2], self.mapping)
+        return [f"{clocks}"] if clocks else []
 
     def motions(self) -> dict[str, Series]:
         """Return the series of positions and rotations in the table."""
@@ -430,7 +438,7 @@ def _series(
         with _read(path, mapping, format) as read:
             placed = replace(read.mapping, geodetic=read.mapping.geodetic or about)
             if remarks is not None:
-                remarks += read.remarks
+                remarks += [*read.remarks, *read.clocks()]
             return {q: [series] for q, series in read._replace(mapping=placed).motions().items()}
     kinds, topics = [of], flight.topics
     if topic is not None:

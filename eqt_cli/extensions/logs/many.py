@@ -157,8 +157,8 @@ def check_flights(
             lines.append(line)
             progress.advance(1)
     for twin in twins(motions):
-        number, name = int(twin.name), flights[int(twin.first)].file.name
-        lines[number] = replace(lines[number], twice=f"{name}, {twin.words}")
+        first, number = sorted((int(twin.first), int(twin.name)), key=lambda k: -lines[k].seconds)
+        lines[number] = replace(lines[number], twice=f"{flights[first].file.name}, {twin.words}")
     check = FlightsCheck(lines)
     if out is not None:
         if not check.usable:

@@ -36,9 +36,12 @@ def setpoint_columns(sheet: Sheet, mapping: LogMapping) -> dict[str, Column | fl
         whole = {x for names in _whole(usual) for x in names}
         return {name: column for name, column in usual.items() if name in whole}
     columns = dict[str, Column | float]()
+    headings = [x for x in mapping.setpoint.values() if isinstance(x, str)]
     for name, source in mapping.setpoint.items():
         if not isinstance(source, str):
             columns[name] = source
+        elif headings.count(source) > 1:
+            raise MappingError(("setpoint", name), f"'{source}' is given for two columns")
         elif source in sheet.headings:
             columns[name] = Column(source)
         else:

@@ -83,6 +83,9 @@ def test_an_attitude_that_should_be_0_has_the_angle_of_its_quaternion():
 def test_wrong_setpoints_are_told():
     write("t,x,y,z,x_ref", T, FLOWN, WANTED[:, 0])
     assert says(refusal(EqtError, rms), "f.csv: has no columns of setpoints…`setpoint: {x:…")
+    twice = {"setpoint": {"x": "x_ref", "y": "x_ref", "z": 1}}
+    said = refusal(ConfigError, rms, None, twice)
+    assert says(said, "…setpoint.x: 'x_ref' is given for two columns")
     part = {"setpoint": {"x": "x_ref"}}
     assert says(refusal(ConfigError, rms, None, part), "…setpoint.x: a quantity has all…x, y, z;…")
     wrong = {"setpoint": {"x": "x_rev", "y": 0, "z": 0}}
@@ -129,6 +132,24 @@ def test_cells_with_lists_units_and_quoted_times_are_read():
     Path("f.csv").write_text("\n".join(rows))
     said = refusal(EqtError, eqt_cli.check_log, "f.csv")
     assert said == "f.csv:6: expected a list of 3 numbers, as in the first row, in column p"
+
+
+# Two sources in a table ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("late", [0.045, -0.03])
+def test_clocks_of_two_sources_are_compared(late):
+    noise = np.random.default_rng(0)
+    path = np.stack([np.interp(T - late, T, x) for x in FLOWN.T], axis=-1)
+    estimate = path + [0.02, -0.01, 0.03] + 0.002 * noise.normal(size=path.shape)
+    names = ",".join(f"est_stateEstimate_{axis}" for axis in "xyz")
+    write(f"t,px,py,pz,{names},x_ref,y_ref,z_ref", T, FLOWN, estimate, WANTED)
+    (note,) = [note for note in eqt_cli.check_log("f.csv").notes if "two clocks" in note]
+    assert says(note, "two clocks: est_stateEstimate_x…are…ms…than px, py, pz,…mm at…")
+    size = float(note.split(" are ")[1].split(" ")[0])
+    assert size == pytest.approx(1e3 * abs(late), abs=0.6)  # three standard errors
+    assert ("later" if late > 0 else "earlier") in note
+    assert note in eqt_cli.log_errors("f.csv").remarks
 
 
 # Flights against one desired motion ---------------------------------------------------------------
