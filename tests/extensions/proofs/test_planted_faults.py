@@ -69,8 +69,9 @@ EXPERIMENTS = {
 def red_rows(name, *more):
     """(what, law) of every row that fails; more keys may be set."""
     config, overrides = EXPERIMENTS[name]
-    settings = [*SHORT, *overrides, *more]
-    experiment = build(read_config(shipped.folder() / f"{config}.yaml", settings))
+    settings = {setting.partition("=")[0]: setting for setting in [*SHORT, *overrides, *more]}
+    path = shipped.folder() / f"{config}.yaml"
+    experiment = build(read_config(path, list(settings.values())))
     found = verify_experiment(experiment)
     return {(row.name, row.controller) for row in found.rows if row.verdict is Verdict.FAILS}
 

@@ -259,6 +259,7 @@ def unfinished(searched_twice, tmp_path, monkeypatch):
     folder, record = copytree(searched_twice[0], tmp_path / "t"), deepcopy(searched_twice[1])
     for law, gained in zip(record["laws"], (0.001, 0.021), strict=True):
         law["searches"][1]["gained"], law["searches"][0]["gained"] = gained, 0.0
+    record["budget"] = 100
     write_record(folder / "tuning.json", record)
     return folder
 
