@@ -419,6 +419,9 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int)
     rehearse(study)
     [batch] = batches(study, label, np.arange(ensemble.runs))
     engine = compiled_if_possible(batch.engine, batch.problem)
+    if engine is not batch.engine:  # it also computes where runs start
+        few = replace(few, solver=replace(few.solver, engine=engine))
+        [batch] = batches(Study(None, few), label, np.arange(ensemble.runs))
     with step(f"runs of '{label}'", ensemble.runs):
         solution = engine.solve(batch.problem, workers, reporter().advance)
     good = np.flatnonzero(solution.status == 0)
