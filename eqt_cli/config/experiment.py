@@ -150,7 +150,8 @@ class Experiment:
 
     def reference_over_horizon(self, also: Iterable[float] = (), *, share: float = 1.0) -> Horizon:
         """Compute Q_d, V_d, V̇_d and τ_d over a share of the horizon, `also` at some times."""
-        times = distinct([*np.linspace(0.0, share * self.times[-1], SAMPLES), *also])
+        samples = round(share * (SAMPLES - 1)) + 1
+        times = distinct([*np.linspace(0.0, share * self.times[-1], samples), *also])
         most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / len(json.dumps(self.resolved))))
         start = self.desired.pose, self.desired.velocity
         return reference_over_horizon(self.loop, start, times, most)
