@@ -140,8 +140,8 @@ def check_flights(
     ...     rows = np.c_[t, np.sin(t), size * np.cos(t), 0 * t]
     ...     np.savetxt(f"flights/{law}/1.csv", rows, delimiter=",", header="t,x,y,z", comments="")
     >>> check = eqt_cli.check_flights("flights", out="flights.csv")
-    >>> [(line.flight.law, line.rate, line.missing) for line in check.lines]
-    [('lee', 10.0, ('attitude', 'setpoints')), ('pid', 10.0, ('attitude', 'setpoints'))]
+    >>> [(line.flight.law, round(line.rate), line.missing) for line in check.lines]
+    [('lee', 10, ('attitude', 'setpoints')), ('pid', 10, ('attitude', 'setpoints'))]
     """
     flights, motions = flights_in(path), dict[str, Motion]()
     first, lines = dict[str, str](), list[FlightLine]()
