@@ -144,21 +144,22 @@ def check_flights(
     [('lee', 10, ('attitude', 'setpoints')), ('pid', 10, ('attitude', 'setpoints'))]
     """
     flights, motions = flights_in(path), dict[str, Motion]()
-    first, lines = dict[str, str](), list[FlightLine]()
+    first, lines = dict[str, int](), list[FlightLine]()
     with step("flights", len(flights)) as progress:
         for number, flight in enumerate(flights):
             line, motion = _line(flight, mapping, format)
             if not line.problem:
-                same = first.setdefault(_digest(flight), f"{flight.file.name}")
-                is_copy = same != flight.file.name
-                line = replace(line, twice=f"{same}, the same file") if is_copy else line
-                if motion is not None and not is_copy:
+                same = first.setdefault(_digest(flight), number)
+                if same != number:
+                    words = f"{flights[same].file.name}, the same file"
+                    line = replace(line, twice=words)
+                elif motion is not None:
                     motions[f"{number}"] = motion
             lines.append(line)
             progress.advance(1)
     for twin in twins(motions):
-        first, number = sorted((int(twin.first), int(twin.name)), key=lambda k: -lines[k].seconds)
-        lines[number] = replace(lines[number], twice=f"{flights[first].file.name}, {twin.words}")
+        longer, other = sorted((int(twin.first), int(twin.name)), key=lambda k: -lines[k].seconds)
+        lines[other] = replace(lines[other], twice=f"{flights[longer].file.name}, {twin.words}")
     check = FlightsCheck(lines)
     if out is not None:
         if not check.usable:
