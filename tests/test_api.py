@@ -330,7 +330,7 @@ def test_a_figure_is_drawn_into_axes_of_ones_own(paper_result):
     own.draw_without_rendering()
     (remark,) = grid[1, 1].texts
     said = " ".join(remark.get_text().split())
-    assert said.endswith("Curves: median over 60 runs, bands: quartiles of EqT and GT.")
+    assert said.endswith("Curves: median, quartiles of EqT and GT, 60 runs.")
     assert remark.get_window_extent().y1 < grid[1, 1].xaxis.label.get_window_extent().y0
     assert remark.get_window_extent().y0 > 0
 

@@ -120,10 +120,10 @@ class Summary(Panelled, OverTime):
             drawing.set_label(f"{over} {listed([_NAMES[norm] for norm in norms])}.")
         bounded = runs.banded if len(runs.shown) > len(runs.banded) else []
         of = f" of {listed([e.title for e in bounded])}" if bounded else ""
-        bands = f", bands: quartiles{of}" if several and not self.printed else ""
+        bands = "" if self.printed else f", quartiles{of}"
         alike = not several and any(np.count_nonzero(e.good) > 1 for e in runs.shown)
-        over = f"{middle} over " if several else ""
-        counted = f"{over}{runs.count()}{', all alike' if alike else ''}{bands}"
+        over = f"{middle}{bands}, " if several else ""
+        counted = f"{over}{runs.count()}{', all alike' if alike else ''}"
         runs.remarks.append(f"Curves: {counted}.")
         runs.note = ", ".join(filter(None, [counted if several or alike else "", runs.note]))
         return drawing

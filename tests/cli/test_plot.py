@@ -37,7 +37,7 @@ def test_names_and_remarks_are_for_print(eqt, result):
     done = eqt("plot", result, *both, "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
     assert Path("print/summary-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
-        "Thin dashes: threshold of settled. Curves: median over 3 runs, bands: quartiles.%"
+        "Thin dashes: threshold of settled. Curves: median, quartiles, 3 runs.%"
     )
     kept = json.loads(Path("print/summary.json").read_text(encoding="utf-8"))
     assert {curve["name"] for curve in kept} == {"eqt", "lower edge eqt", "upper edge eqt"}

@@ -30,7 +30,7 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     assert drawing.get_supxlabel().splitlines() == [
         "Gains not matched: Goodarzi 2013, Slotine–Li.",
         "Without L, since the law does not claim that it falls: Goodarzi 2013.",
-        "Curves: mean over 6 runs.",
+        "Curves: mean, 6 runs.",
     ]
 
 
@@ -86,7 +86,7 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names
         )
     assert curve_names(drawing) == ["EqT", "nog", "asym"]
     assert drawing.get_supxlabel().splitlines()[-1] == (
-        "Curves: mean over runs: 5 (EqT), 6 (nog), 6 (asym)."
+        "Curves: mean, runs: 5 (EqT), 6 (nog), 6 (asym)."
     )
 
 
@@ -187,7 +187,7 @@ def test_bands_are_of_laws_in_focus_or_of_those_compared_first(
         assert [label for label in drawn if label != NO_NUMBERS] == laws
     assert drawing.get_supxlabel().splitlines() == [
         "Thin dashes: threshold of settled.",
-        f"Curves: median over 6 runs, bands: quartiles of {titles}.",
+        f"Curves: median, quartiles of {titles}, 6 runs.",
     ]
 
 
@@ -233,10 +233,11 @@ def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
     laws = curve_names(picture(Summary(), opened(so3)))
     assert laws == ["EqT", "GT", "nog", "asym"]
     names = curve_names(picture(Summary(), opened(odd_names)))
+    # In two columns, which are filled one after the other.
     assert [name.replace("\n", " ") for name in names] == [
         "_hidden",
-        "g = $\\frac{1}{2}$",
         "5 \\$\\oops\\$",
+        "g = $\\frac{1}{2}$",
         ("a long name " * 6).strip(),
     ]
 

@@ -54,13 +54,13 @@ def test_a_slide_is_13_inches_wide_but_as_pdf(so3, opened, tmp_path):
 
 def test_remarks_are_a_caption_and_metadata_and_the_artwork_has_a_few_words(so3, opened, tmp_path):
     pdf, svg, caption = render([opened(so3)], "summary", tmp_path, ["pdf", "svg"])
-    bands = "Curves: median over 6 runs, bands: quartiles of EqT and GT."
+    bands = "Curves: median, quartiles of EqT and GT, 6 runs."
     said = f"Thin dashes: threshold of settled. {bands}"
     assert caption.read_text(encoding="utf-8") == f"% caption by eqt: small: summary\n{said}%\n"
     assert is_eqts(caption)
     root = ElementTree.parse(svg).getroot()
     texts = ["".join(each.itertext()) for each in root.iter() if each.tag.endswith("}text")]
-    note = "median over 6 runs, bands: quartiles of EqT and GT, thin dashes: threshold of settled"
+    note = "median, quartiles of EqT and GT, 6 runs, thin dashes: threshold of settled"
     assert note in texts and "EqT" in texts
     assert not any("Curves" in text for text in texts)
     assert [each.text for each in root if each.tag.endswith("}title")] == ["small: summary"]
