@@ -555,8 +555,9 @@ class Environment(VectorEnv[Array, Array, Array]):
         plant.advance()
         failed = plant.failed
         crossed = self._any_of(self._fails, action) & moves & ~failed
-        reward = self._counted(self.reward, action, self._rewards, moves, "reward")
-        numbers = self._costs_of(action, moves) if self.cost else {}
+        reward = self.reward(action, self._last)
+        reward = self._counted(reward, self._rewards, failed, moves, "reward")
+        numbers = self._costs_of(action, failed, moves) if self.cost else {}
         terminated = failed | crossed | (self._any_of(self._ends, action) & moves & ~failed)
         self._last[moves] = action[moves]
         truncated = (plant.tick >= self._horizon) & ~terminated
@@ -573,10 +574,9 @@ class Environment(VectorEnv[Array, Array, Array]):
             info = self._followed(np.flatnonzero(self._ended), failed | crossed)
         return self._observations(), reward, terminated, truncated, info | numbers | self._info()
 
-    def _counted(self, of: Any, action: Array, last: Array, moves: Array, what: str) -> Array:
+    def _counted(self, value: Array, last: Array, failed: Array, moves: Array, what: str) -> Array:
         """Return a reward or a cost of this step: of a failed run, that of the step before."""
-        value = np.where(self.plant.failed, last, of(action, self._last))
-        value = np.where(moves, value, 0.0)
+        value = np.where(moves, np.where(failed, last, value), 0.0)
         if not np.isfinite(value).all():
             place = int(np.flatnonzero(~np.isfinite(value))[0])
             raise EqtError(
@@ -586,10 +586,11 @@ class Environment(VectorEnv[Array, Array, Array]):
         last[:] = value
         return value
 
-    def _costs_of(self, action: Array, moves: Array) -> dict[str, Any]:
+    def _costs_of(self, action: Array, failed: Array, moves: Array) -> dict[str, Any]:
         """Return what `info` has of the costs of this step."""
         assert self.cost is not None
-        value = self._counted(self.cost, action, self._costs, moves, "cost")
+        value = self.cost(action, self._last)
+        value = self._counted(value, self._costs, failed, moves, "cost")
         terms = {name: np.where(moves, x, 0.0) for name, x in self.cost.terms.items()}
         return {"cost": value} | ({"cost_terms": terms} if terms else {})
 
