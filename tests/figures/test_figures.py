@@ -196,7 +196,7 @@ def test_the_number_of_stored_runs_is_said(name, odd_names, opened, picture):
 def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, se3, drawn):
     drawing = drawn(name, se3).drawing
     averaged = name in ("paper", "summary", "runs", "torque", "distributions")
-    assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
+    assert ("6 runs" in drawing.get_supxlabel()) == averaged
     single = name in ("path", "pose")  # which says its axis, or the run
     # In four seconds no run settles; a body upside down has no roll.
     also = name in ("distributions", "pose")
