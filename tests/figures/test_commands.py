@@ -151,7 +151,7 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
     remark = picture(Summary(), opened(so3)).get_supxlabel()
-    assert "Loop" not in remark and remark.endswith("quartiles of EqT and GT.")
+    assert "Loop" not in remark and remark.endswith("quartiles of EqT and GT, 6 runs.")
 
 
 THRUSTERS = {
