@@ -30,6 +30,7 @@ from eqt_cli.extensions.budget.sources import Source, sources_of, without, witho
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import existing
 from eqt_cli.numbers.leaves import leaves
+from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.quantity import Window
 from eqt_cli.runs.batches import batches, kind_of
 from eqt_cli.runs.compute_part import shared_reference, solved
@@ -535,7 +536,8 @@ def budget(
                 "them by `eqt run`"
             )
         of_law = errors[:, k, good[k]]
-        squares = dict(zip(variants, (of_law**2).mean(axis=-1), strict=True))
+        means = SampledRuns(times[inside]).mean(of_law**2)
+        squares = dict(zip(variants, means, strict=True))
         whole = of_law[variants.index((ALL, ""))]
         failed = int(runs - good[k].sum())
         laws.append(_law_budget(label, title, sources, squares, whole, shares, failed))

@@ -99,6 +99,21 @@ def test_constant_sources_add_as_vectors_and_the_sum_of_squares_leaves_the_rest_
     assert np.sign(law.left_over) * law.left_over**2 == pytest.approx(rest * DEG**2, rel=1e-4)
 
 
+def test_an_rms_is_over_time_and_not_over_rows():
+    """From 0.2 rad to nearly 0 in four rows, where the first one counts half."""
+    start = {"pose": {"kind": "exp_normal", "std": 1e-9, "centre": [0.2, 0, 0]}}
+    time = {"duration": 3.0, "samples": 4}
+    noise = {"velocity": [{"kind": "noise", "std": 1e-9}]}
+    settings = {"initial": start, "time": time, "ensemble": {"runs": 5}, "control": {"period": 1.0}}
+    law, _ = budget_of("0:", solver={"engine": "solve_ivp"}, sensors=noise, **settings)
+    angle, rate, squares = 0.2, 0.0, []
+    for weight in (1.0, 2.0, 2.0, 1.0):
+        squares.append(weight * angle**2 / 6)
+        torque = -STIFFNESS * np.sin(angle) - KD * rate
+        angle, rate = angle + rate + torque / J[0] / 2, rate + torque / J[0]
+    assert law.total.value == pytest.approx(DEG * np.sqrt(np.sum(squares)), rel=1e-6)
+
+
 def test_constant_forces_and_inertia_are_off_by_numbers_of_the_same_program():
     """So that what is compiled for one variant serves others."""
     force = {"kind": "constant", "force": [1e-5, 0, 0]}
