@@ -10,10 +10,12 @@ import typer
 
 from eqt_cli.base import purposes
 from eqt_cli.base.extensions import functions_for, shipped
+from eqt_cli.base.files import CONFIG_MARK, write_all
 from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import count_of, laid_out, print_findings, say
+from eqt_cli.cli.tables import as_csv
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.logs.error_options import FORMATS, Errors
 from eqt_cli.extensions.logs.first_bytes import format_of
@@ -115,7 +117,8 @@ def log_errors(
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
     Result
-        --out DIR  Folder for the figure errors, and CSV of the errors over time.
+        --out DIR  Folder for the figure errors, and CSV of the errors over time; of a list, for
+            its table, errors.csv.
     """
     from eqt_cli import api
     from eqt_cli.extensions.logs.flight_list import is_list, read_list
@@ -128,6 +131,11 @@ def log_errors(
         several = errors_of_flights(read_list(file), **vars(how) | span | every | {"out": None})
         document = {"flights": several.rows, "notes": several.notes}
         print_findings(document, laid_out(several.table()), json=json)
+        if how.out is not None:
+            path = how.out / "errors.csv"
+            content = CONFIG_MARK.format("log") + as_csv(several.rows) + "\n"
+            write_all({path: content.encode()}, how.out)
+            say(f"errors of all flights in {path}")
         return
     errors = api.log_errors(file, second, mapping, format=format_, **vars(how) | span)
     sizes = [one._asdict() for one in errors.sizes]

@@ -108,3 +108,18 @@ def test_wrong_rows_are_named_with_place_value_and_advice(text):
 def test_all_wrong_rows_are_named_at_once():
     Path("flights.csv").write_text("file,begin\na.csv,x\nb.csv,1\n")
     assert len(refusal(EqtError, read_list, Path("flights.csv")).splitlines()) == 3
+
+
+def test_errors_of_a_list_are_a_table_and_a_file(invoke):
+    rms = fly("1.csv"), fly("2.csv", 0.2, 1)
+    Path("flights.csv").write_text("file,law,wind\n1.csv,pid,calm\n2.csv,lee,gusts\n")
+    said = invoke("log", "errors", "flights.csv", "--out", "found").stdout
+    assert "pid" in said
+    mark, *lines = Path("found/errors.csv").read_text().splitlines()
+    assert mark.startswith("#")
+    rows = [*csv.DictReader(lines)]
+    assert [(row["file"], row["law"], row["wind"]) for row in rows] == [
+        ("1.csv", "pid", "calm"),
+        ("2.csv", "lee", "gusts"),
+    ]
+    assert [float(row["position, m"]) for row in rows] == pytest.approx(rms, rel=1e-6)
