@@ -18,7 +18,6 @@ from eqt_cli.cli.output import count_of, laid_out, print_findings, say
 from eqt_cli.cli.tables import as_csv
 from eqt_cli.extensions.logs import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.logs.error_options import FORMATS, Errors
-from eqt_cli.extensions.logs.first_bytes import format_of
 
 if TYPE_CHECKING:
     from eqt_cli.extensions.logs.log_check import LogCheck
@@ -67,6 +66,7 @@ def check_log(
         --out FILE  List of the flights to write, such as flights.csv.
     """
     from eqt_cli import api
+    from eqt_cli.extensions.logs.first_bytes import format_of
     from eqt_cli.extensions.logs.flight_list import is_list
 
     if out is not None or is_list(file) or (file.is_dir() and not format_of(file)):

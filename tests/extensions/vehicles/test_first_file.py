@@ -28,6 +28,7 @@ BRIEF = [f"{' '.join(vehicle.split()[::2])[:40]}" for vehicle in VEHICLES]
 
 
 @pytest.mark.needs("proofs")
+@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("vehicle", "gains"),
     [in_ci("another one is fast", *case, unless="4e-3" in case[0]) for case in VEHICLES.items()],
