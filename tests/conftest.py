@@ -490,6 +490,7 @@ def invoke() -> Callable[..., Called]:
             exit_code = int(exit.code or 0)
         finally:
             sys.argv = argv
+            progress.be_quiet(False)  # what a test prints without a command is not that of the last one
         assert exit_code == code, err.getvalue() + out.getvalue()
         return Called(out.getvalue(), err.getvalue())
 
