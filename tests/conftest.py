@@ -490,7 +490,7 @@ def invoke() -> Callable[..., Called]:
             exit_code = int(exit.code or 0)
         finally:
             sys.argv = argv
-            progress.be_quiet(False)  # what a test prints without a command is not that of the last one
+            progress.be_quiet(False)  # or what a test prints itself would be left out
         assert exit_code == code, err.getvalue() + out.getvalue()
         return Called(out.getvalue(), err.getvalue())
 
