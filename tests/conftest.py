@@ -448,6 +448,7 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
         with pytest.raises(SystemExit) as exit_:
             main()
+        progress.be_quiet(False)  # or what a test prints itself would be left out
         return Done(int(exit_.value.code or 0), *capsys.readouterr())
 
     return call

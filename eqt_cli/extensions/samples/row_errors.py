@@ -30,8 +30,8 @@ RUNS = 3
 PER_STEP = 4
 """Samples in a step of the engine of which metrics are taken to be exact, if half as many agree."""
 
-MOST_SAMPLES = 200_000
-"""Most samples of a run."""
+MOST_SAMPLES, MOST_BY_NUMPY = 200_000, 4_000
+"""Most samples of a run; by engines in NumPy, where each may cost a step of its own, of 2 ms."""
 
 SMALL = 1e-5
 """Share of the largest value of a signal, or of the run, below which a metric counts as this."""
@@ -90,7 +90,8 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     per_step = PER_STEP / (1 if isinstance(batch.engine, Compiled) else EVALUATIONS)
     while parts < 4:
         parts *= 2
-    while parts * intervals <= MOST_SAMPLES:
+    most = MOST_SAMPLES if isinstance(batch.engine, Compiled) else MOST_BY_NUMPY
+    while parts * intervals <= most:
         times = np.interp(np.arange(parts * intervals + 1) / parts, np.arange(len(begins)), begins)
         finer = replace(problem, times=times)
         solution = batch.engine.solve(finer)
