@@ -173,7 +173,7 @@ time: {duration: 20, samples: 401}
 
 @pytest.mark.ci("compiles a loop, in which a mode of 75 1/s limits the step")
 def test_steps_end_where_the_force_is_integrated(tmp_path):
-    """Only rounding is left; dense output there errs by 1000 times the tolerance."""
+    """Only rounding is left; at samples inside steps, it is ten times as much."""
     vehicle = solved(tmp_path, 1, STIFF)
     [row, _] = rows(vehicle)
     assert row.verdict is Verdict.HOLDS
@@ -182,7 +182,7 @@ def test_steps_end_where_the_force_is_integrated(tmp_path):
     [batch] = batches(study(read_config(tmp_path / "c.yaml")), "eqt", np.arange(1))
     windows = replace(vehicle.windows, states=batch.engine.tightened(TIGHTER).solve(problem).states)
     [row, _] = rows(replace(vehicle, windows=windows))
-    assert row.measured > 1e-13
+    assert 5e-15 < row.measured < 1e-13  # by dense output, 1000 times the tolerance
 
 
 @pytest.mark.ci("compiles a loop")

@@ -16,7 +16,7 @@ actuators: [{{kind: momentum_limit, momentum: {momentum}}}]
 control: {{period: 0.1}}
 initial: {{pose: {{kind: exp_normal, std: 0.6}}}}
 ensemble: {{runs: 3, seed: 4}}
-time: {{duration: {duration}, samples: 11}}
+time: {{duration: {duration}, samples: {samples}}}
 solver: {{engine: {engine}}}
 """
 
@@ -44,7 +44,7 @@ def test_wheels_take_up_what_they_can():
 @pytest.mark.parametrize(("momentum", "beyond"), [([0.19, 1, 1], [0]), ([0.21, 0.16, 1], [])])
 def test_a_limit_below_what_the_reference_takes_is_remarked(experiment_of, momentum, beyond):
     """∫ 0.4 t dt and ∫ 0.3 t dt over 1 s are 0.2 and 0.15."""
-    more = {"duration": 1, "engine": "solve_ivp", "momentum": momentum}
+    more = {"duration": 1, "samples": 11, "engine": "solve_ivp", "momentum": momentum}
     experiment = experiment_of(TEXT.format(torque='["0.4*t", "-0.3*t", 0]', **more))
     remarks = list(limits_below_reference(experiment))
     assert [place for place, _ in remarks] == [("actuators", index) for index in beyond]
@@ -53,8 +53,9 @@ def test_a_limit_below_what_the_reference_takes_is_remarked(experiment_of, momen
 
 @pytest.mark.ci("compiles a loop")
 def test_engines_agree_on_what_wheels_take_up(solved):
-    more = {"torque": '["0.2*cos(t)", "0.1", 0]', "duration": 2, "momentum": 0.3}
+    more = {"torque": '["0.2*cos(t)", "0.1", 0]', "duration": 2, "samples": 21, "momentum": 0.3}
     found = [solved(TEXT.format(engine=engine, **more)) for engine in ("solve_ivp", "native")]
     first, second = (p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found)
     np.testing.assert_allclose(first, second, rtol=0, atol=1e-7)
-    assert 0.2 < np.abs(np.cumsum(first[:, :-1], axis=1) * 0.2).max() < 0.4  # of every other tick
+    taken_up = np.abs(np.cumsum(first[:, :-1], axis=1) * 0.1).max()
+    assert taken_up == pytest.approx(0.3, rel=1e-12)
