@@ -264,9 +264,7 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         except (Exception, SystemExit) as error:
             cure = ""
             if isinstance(error, FileNotFoundError):
-                cure = (
-                    "; results have copies of plugins, and of no file that they read: copy it there"
-                )
+                cure = "; put the file there; results copy plugins, but no file that they read"
             raise ComponentError(f"plugin {path}: {described(error)}{cure}") from error
     # Messages quote lines of the text, even where the file is another one or does not exist.
     name = str(module.__file__)

@@ -252,8 +252,7 @@ def test_a_file_that_it_reads_and_no_result_copies(message, law):
     law.write_text("open('/no/gain.txt')\n", encoding="utf-8")
     assert says(
         message(**PUSH),
-        "…FileNotFoundError…'/no/gain.txt'; results have copies of plugins, and of no file that "
-        "they read: copy it there",
+        "…FileNotFoundError…'/no/gain.txt'; put the file there; results copy plugins, but no…",
     )
 
 
