@@ -149,7 +149,7 @@ def test_without_a_lag_the_table_has_the_effectiveness_only(eqt, tmp_path):
     effect = law.gains["effectiveness"]
     assert f"{effect.lower:.3g} to {effect.upper:.3g} stable" in " ".join(indi.split())
     text = " ".join(notes)
-    assert "torque for each command (effectiveness); any" in text and "believes" not in text
+    assert "effectiveness: the torque for each command" in text and "believes" not in text
 
 
 BODY = REST | {
