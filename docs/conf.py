@@ -21,6 +21,7 @@ extensions = [
     "docstrings",
     "tables",
     "long_names",
+    "toggles",
     "redirects",
     "descriptions",
     "finding",
