@@ -244,6 +244,13 @@ def _numbers(values: Any, expected: str) -> Array:
         raise EqtError(f"{expected} that are numbers, in rows of one length: {error}") from error
 
 
+def _array(values: Any, name: str) -> Array:
+    try:
+        return plain(values)
+    except (TypeError, ValueError) as error:
+        raise EqtError(f"{name}: {error}") from error
+
+
 def _path(path: Any) -> Path:
     _expect(isinstance(path, str | os.PathLike), "path", "a file", path)
     return Path(path)
@@ -514,7 +521,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.reward.begin(which)
 
     def _masked(self, mask: Any) -> Array:
-        mask = np.asarray(mask)
+        mask = _array(mask, "reset_mask")
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise EqtError(
                 f"reset_mask: expected {self.num_envs} booleans, at least one of them true, got "
@@ -525,7 +532,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         return np.flatnonzero(mask)
 
     def _runs(self, runs: Any, count: int) -> Array:
-        runs, most = np.asarray(runs), min(len(self._episodes.states), max(self._episodes.rows, 1))
+        runs = _array(runs, "runs")
+        most = min(len(self._episodes.states), max(self._episodes.rows, 1))
         most = most if self._episodes.errors else len(self._episodes.states)
         if (
             runs.shape != (count,)

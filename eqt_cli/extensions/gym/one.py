@@ -37,7 +37,7 @@ class SingleEnvironment(gymnasium.Env[Array, Array]):
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Move by a control period."""
-        observations, rewards, *ends, info = self.vector.step(np.asarray(action)[None])
+        observations, rewards, *ends, info = self.vector.step(np.ma.asarray(action)[None])
         terminated, truncated = (bool(end[0]) for end in ends)
         return observations[0], float(rewards[0]), terminated, truncated, _first(info)
 

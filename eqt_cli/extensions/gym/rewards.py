@@ -309,4 +309,6 @@ def plain(values: Any) -> Array:
         raise TypeError("got complex numbers; take np.real(…)")
     if np.ma.is_masked(array):
         raise TypeError("got masked numbers, which say nothing; fill them")
+    if array.dtype.kind not in "fiubO":  # NumPy takes times, texts and records for floats
+        raise TypeError(f"got {array.dtype}, which is no type of numbers")
     return array.data

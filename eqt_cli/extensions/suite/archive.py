@@ -226,8 +226,9 @@ def _judged(
             or len(gained) not in (0, len(errors))
         ):
             raise ValueError(task)
-        _check_numbers(f"{_array_name(number, task)}: ", values, errors, spent, trained)
         about = _number(record["start"]), bool(record["is_stated"]), _number(record["seconds"])
+        costs = spent, trained, np.array(about)
+        _check_numbers(f"{_array_name(number, task)}: ", values, errors, *costs)
         yield (
             _text(task),
             Judged(values, errors, spent, trained, *about, _text(record["why"]), gained),

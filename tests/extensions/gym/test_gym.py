@@ -368,9 +368,16 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
     wrong[2, 1] = np.nan
     assert says(error_of(env.step, wrong), "step: the action of environment 2 is not finite: …")
     ragged = [[0, 0, 0], [0, 0]]
-    lost = np.ones((5, 3)) + 1j, np.ma.masked_array(np.ones((5, 3)), wrong != wrong)
+    masked = np.ma.masked_array(np.ones((5, 3)), wrong != wrong)
+    lost = np.ones((5, 3)) + 1j, masked, np.ones((5, 3)).astype("m8[s]"), [["1"] * 3] * 5
     for actions in ([["a"] * 3] * 5, ragged, *lost, [[10**400] * 3] * 5):
         assert says(error_of(env.step, actions), "step: expected actions that are numbers…")
+    one = eqt_cli.gym.SingleEnvironment(fresh)
+    one.vector.reset(seed=0)
+    assert says(error_of(one.step, masked[2]), "step: expected actions that are numbers…masked…")
+    for option, hidden in (("runs", np.arange(5)), ("reset_mask", np.ones(5, bool))):
+        hidden = np.ma.masked_array(hidden, np.arange(5) == 2)
+        assert says(error_of(env.reset, options={option: hidden}), f"{option}: got masked…")
     for seed in (-1, [1, 2], 1.5, True):
         said = error_of(env.reset, seed=seed)
         assert says(said, f"seed: expected a whole number from 0, got {seed!r}")

@@ -159,6 +159,10 @@ def rewritten(path, change):
         (lambda parts: [*parts, ("../x", b"")], "a part '../x', which suite.json does not name"),
         (lambda parts: [(n, c.replace(b"2.0", b"1" + b"0" * 400)) for n, c in parts], "form"),
         (lambda parts: [(n, c.replace(b"0.6", b"-0.6")) for n, c in parts], "costs of at least 0"),
+        (
+            lambda parts: [(n, c.replace(b'"start": ', b'"start": -')) for n, c in parts],
+            "at least 0",
+        ),
         (lambda parts: [(n, c if ".json" in n else b"\0" * len(c)) for n, c in parts], "are 0"),
         (
             lambda parts: [(n, re.sub(rb'{\s*"gains.kp": 1.0\s*}', b"null", c)) for n, c in parts],
