@@ -198,11 +198,15 @@ class RunProcess:
     ) -> None:
         request_pipe, answer_pipe = os.pipe(), os.pipe()
         self.patience, self.seconds, self.calls = patience, seconds, 0
+        random = sys.modules.get("random")
+        state = random and random.getstate()
         with allowed("os.fork"):
             self.number = os.fork()
         if self.number == 0:
             code = 1
             try:
+                if random:
+                    random.setstate(state)  # in a fork, Python seeds it from the clock
                 for end in (request_pipe[1], answer_pipe[0], *closes):
                     os.close(end)
                 serve(request_pipe[0], answer_pipe[1])

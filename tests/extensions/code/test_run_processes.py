@@ -1,6 +1,7 @@
 """Each run has a process of its own: nothing that one run changes is seen by another."""
 
 import os
+import random
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +79,17 @@ def test_how_it_ended_is_told():
     run = RunProcess(lambda *pipes: os._exit(3), [], patience=10.0, seconds=1.0)
     with pytest.raises(RunEnded, match="ended the process with code 3"):
         run.ask({})
+
+
+def test_runs_draw_the_numbers_that_an_import_seeded():
+    """Python seeds its generator anew in a fork."""
+
+    def serve(reads, writes):
+        for _ in os.fdopen(reads):
+            os.write(writes, f"{random.random()}\n".encode())
+
+    random.seed(4)
+    for _ in range(2):
+        run = RunProcess(serve, [], patience=10.0, seconds=1.0)
+        assert run.ask(0) == random.Random(4).random()
+        run.end(waits=5.0)
