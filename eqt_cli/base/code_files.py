@@ -11,7 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,11 @@ def hashed(content: bytes) -> str:
 
 
 def modules_of(
-    name: str, text: str | None = None, loaded: Mapping[str, str] | None = None
+    name: str,
+    text: str | None = None,
+    loaded: Mapping[str, str] | None = None,
+    *,
+    in_functions: bool = False,
 ) -> dict[str, str]:
     """Return the hashes of the files of a module, and of those that it imports, by their names.
 
@@ -51,13 +55,18 @@ def modules_of(
         Its text, if it has no file of its own.
     loaded
         Files of modules by name, where another process has loaded them.
+    in_functions
+        Whether imports within functions count, too, but for what is installed.
     """
-    there, waiting = dict[str, str](), [name] if text is None else [*_imports(text, "")]
+    imports = partial(_imports, in_functions=in_functions)
+    there, waiting = dict[str, str](), [name] if text is None else [*imports(text, "")]
     while waiting:
         name = waiting.pop()
         imported = getattr(sys.modules.get(name), "__file__", None)
         file = imported if loaded is None else loaded.get(name)
         if name in there or not file or is_of_eqt(file):
+            continue
+        if in_functions and file.startswith(_installed()):
             continue
         content = b""
         with suppress(OSError):
@@ -67,18 +76,18 @@ def modules_of(
         if file.endswith(".py"):
             is_package = Path(file).stem == "__init__"
             package = name if is_package else name.rpartition(".")[0]
-            waiting += _imports(content.decode("utf-8", "replace"), package)
+            waiting += imports(content.decode("utf-8", "replace"), package)
     return there
 
 
-def _imports(text: str, package: str) -> Iterator[str]:
-    """Yield the names that the text of a module imports, but for those within functions."""
+def _imports(text: str, package: str, *, in_functions: bool = False) -> Iterator[str]:
+    """Yield the names that the text of a module imports, within functions only where asked for."""
     function: int | None = None
     for line in _LINE.finditer(text):
         indent, begins, source, names, modules = line.groups()
         if function is not None and len(indent) > function:
             continue
-        function = len(indent) if begins else None
+        function = len(indent) if begins and not in_functions else None
         if modules:
             yield from (entry.split()[0] for entry in modules.split(",") if entry.strip())
         elif source:
@@ -106,6 +115,10 @@ def _folders() -> dict[str, str]:
     import sysconfig  # slow to import
 
     return sysconfig.get_paths()
+
+
+def _installed() -> tuple[str, ...]:
+    return tuple(_folders()[name] + os.sep for name in ("purelib", "platlib"))
 
 
 @lru_cache(maxsize=1)
@@ -152,9 +165,8 @@ def needed(
     loaded, new
         Files of modules, and which of these the import has loaded.
     """
-    installed = tuple(_folders()[name] + os.sep for name in ("purelib", "platlib"))
     # What a package installed beside loads by itself is its own affair, which may change.
-    elsewhere = [x for x in new if loaded[x] and not loaded[x].startswith(installed)]
+    elsewhere = [x for x in new if loaded[x] and not loaded[x].startswith(_installed())]
     return united(
         [modules_of(name, text, loaded), *(modules_of(x, None, loaded) for x in elsewhere)]
     )
@@ -214,7 +226,9 @@ def _file_of(event: str, about: tuple[Any, ...], is_foreign: Callable[[str], boo
     while frame and not is_foreign(str(frame.f_globals.get("__name__", ""))):
         frame = frame.f_back
     path = Path(os.path.abspath(os.fsdecode(name)))  # noqa: PTH100  # a link leads elsewhere
-    is_other = not frame or path.suffix == ".pyc" or not path.is_file() or is_of_eqt(str(path))
+    is_other = (
+        not frame or "__pycache__" in path.parts or not path.is_file() or is_of_eqt(str(path))
+    )
     return None if is_other else path
 
 

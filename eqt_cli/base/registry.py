@@ -22,7 +22,7 @@ from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
 from eqt_cli.base import extensions
-from eqt_cli.base.code_files import noted, united
+from eqt_cli.base.code_files import modules_of, noted, united
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, alike, bare, suggestion
 from eqt_cli.base.files import refusals, text_in
 from eqt_cli.base.reporting import reporter
@@ -288,8 +288,10 @@ def code_of(texts: Iterable[str], *parts: Any) -> dict[str, str]:
 
     The plugins themselves are left out. A part may name more in `sources`.
     """
-    named = [_module_name(sha256(text.encode()).hexdigest()) for text in texts]
+    named = {_module_name(sha256(text.encode()).hexdigest()): text for text in texts}
     files, seen = [_code.get(name, {}) for name in named], set[int]()
+    # Where a law was tried, its functions have imported what they need.
+    files += [modules_of(name, text, in_functions=True) for name, text in named.items()]
     waiting = list(parts)
     while waiting:
         part = waiting.pop()

@@ -82,20 +82,20 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
         If a component of the user's own fails while it is made.
     """
     problems = Problems(document.place)
-    with opened_files() as opened:
+    with opened_files() as opened:  # also where a law is called first
         experiment = assemble(document, last)
+        for check in functions_for(purposes.checks_of_an_experiment):  # they note problems
+            check(experiment, problems)
+        problems.raise_if_any()
+        try_parts(experiment, problems)
+        problems.raise_if_any()
+        experiment = designed_laws(experiment, problems)
+        problems.raise_if_any()
+        try_laws(experiment, problems)
+        problems.raise_if_any()
+        try_metrics(experiment, problems)
+        problems.raise_if_any()
     experiment = replace(experiment, opened=opened)
-    for check in functions_for(purposes.checks_of_an_experiment):  # they note problems
-        check(experiment, problems)
-    problems.raise_if_any()
-    try_parts(experiment, problems)
-    problems.raise_if_any()
-    experiment = designed_laws(experiment, problems)
-    problems.raise_if_any()
-    try_laws(experiment, problems)
-    problems.raise_if_any()
-    try_metrics(experiment, problems)
-    problems.raise_if_any()
     if not experiment.solver.is_auto:
         return experiment
     solver = experiment.solver.chosen(experiment.loops.values())

@@ -27,8 +27,10 @@ class Own(Controller):
     name: ClassVar[str] = "own"
 
     def torque(self, s):
+        from late_of_a_law import GAIN as LATE
+        late = LATE * float((Path(__file__).parent / "late.txt").read_text())
         of_system = float(os.environ.get("GAIN_OF_A_LAW", "1"))
-        return -s.V - of_system * DATA * helper_of_a_law.GAIN * GAIN * s.relative.gradient
+        return -s.V - late * of_system * DATA * helper_of_a_law.GAIN * GAIN * s.relative.gradient
 """
 CONFIG = {
     "group": "SO3",
@@ -47,6 +49,8 @@ FILES = {
     "package_of_a_law/__init__.py": "from .inner import GAIN\n",
     "package_of_a_law/inner.py": "GAIN = 1.0\n",
     "gain.txt": "1.0",
+    "late_of_a_law.py": "GAIN = 1.0\n",
+    "late.txt": "1.0",
 }
 
 
@@ -114,3 +118,5 @@ def test_modules_are_those_that_the_standard_library_finds(tmp_path, monkeypatch
     finder.import_hook("p_of_modules.one")
     expected = {name for name in finder.modules if name.startswith("p_of_modules")}
     assert {*code_files.modules_of("p_of_modules.one")} == expected - {"p_of_modules.never"}
+    __import__("p_of_modules.never")
+    assert {*code_files.modules_of("p_of_modules.one", in_functions=True)} == expected
