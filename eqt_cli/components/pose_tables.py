@@ -128,6 +128,8 @@ class LogMapping(Keys):
     setpoint
         What was wanted, in the same table: the heading of a column, or a number, by eqt's name, as
         in ``{x: x_ref, y: y_ref, z: 1.5}``. Default: usual headings, such as ``x_ref``, ``sp_x``.
+    command
+        What was commanded, likewise, as in ``{thrust: T_sp, tx: u1, ty: u2, tz: 0}``.
     drop
         Rows to leave out: ``invalid`` have an empty cell, a number that is not finite, or a
         quaternion of another norm than 1, ``repeated`` the time of an earlier row, and
@@ -151,6 +153,7 @@ class LogMapping(Keys):
     force: Literal["body", "spatial"] = "body"
     time: TimeMapping = field(default_factory=TimeMapping)
     setpoint: dict[str, str | float] = field(default_factory=dict)
+    command: dict[str, str | float] = field(default_factory=dict)
     # Not `list` itself, whose signature pydantic would read by Python's tokenizer, for 5 ms.
     drop: list[Dropped] = field(default_factory=lambda: [])  # noqa: PIE807
 

@@ -26,7 +26,7 @@ from eqt_cli.base.files import read_record, refusals, write_record
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.logs.flight_list import ListedFlight, is_list, read_list, recordings_in
-from eqt_cli.extensions.logs.logs import QUANTITIES, Series, TrackingErrors
+from eqt_cli.extensions.logs.logs import QUANTITIES, Series, TrackingErrors, raw_logs
 from eqt_cli.extensions.logs.many import digest_of, placed
 from eqt_cli.extensions.logs.recording import GAP
 from eqt_cli.extensions.logs.same_motion import motion_from, motion_of, twins
@@ -400,6 +400,8 @@ def _digests(flights: Sequence[ListedFlight], duplicates: bool) -> list[str]:
     for one in flights:
         parts = {name: _content(value) for name, value in one.how.items()}
         whole = digest_of(one.file)
+        if beside := [digest_of(raw) for raw in raw_logs(one.file)]:
+            parts["raw logs"] = f"{beside}"  # their settings are compared
         digests.append(sha256(f"{whole} {parts}".encode()).hexdigest() if parts else whole)
         same = first.setdefault(f"{whole} {one.begin} {one.end}", one.file)
         if same is not one.file and not duplicates:

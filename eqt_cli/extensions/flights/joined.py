@@ -68,7 +68,10 @@ def joined(parts: Sequence[Recording], name: str) -> Recording:
         end = float(times[-1][-1] + PAUSE * np.diff(since).max())
     whole: dict[str, Any] = {n: np.concatenate([getattr(x, n) for x in parts]) for n in NUMBERS[1:]}
     notes = [f"{Path(x.name).name}: {note}" for x in parts for note in x.notes]
-    every = listed([Path(x.name).name for x in parts])
-    notes.insert(0, f"{len(parts)} flights, one after the other: {every}")
+    names = [Path(x.name).name for x in parts]
+    notes.insert(0, f"{len(parts)} flights, one after the other: {listed(names)}")
+    moved = [float(t[0] - part.times[0]) for t, part in zip(times, parts, strict=True)]
+    if said := [f"{n} by {s:+.4g} s" for n, s in zip(names, moved, strict=True) if s]:
+        notes.insert(1, f"times were moved, also for forces that depend on t: {listed(said)}")
     place: dict[str, Any] = {"name": name, "place": name, "times": np.concatenate(times)}
     return replace(first, **place, **whole, gaps=np.array(gaps[:-1], int), notes=tuple(notes))

@@ -185,7 +185,9 @@ class Read(NamedTuple):
 
     def motions(self) -> dict[str, Series]:
         """Return the series of positions and rotations in the table."""
-        return logs.motions_of(read_log(*self[:3], largest_group(*self[:4]), self.mapping))
+        return logs.motions_of(
+            read_log(*self[:3], largest_group(*self[:4]), self.mapping, of_commands=False)
+        )
 
 
 _before: ContextVar[dict[Any, Any] | None] = ContextVar("_before", default=None)

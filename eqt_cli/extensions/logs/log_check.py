@@ -31,8 +31,8 @@ class ColumnUse:
     name
         eqt's name for the column; empty where it is not used.
     use
-        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force``, ``speed`` (of a rotor)
-        or ``not used``.
+        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force``, ``speed`` (of a rotor),
+        ``command`` or ``not used``.
     unit
         The unit of its numbers; empty where they have none.
     assumed
@@ -105,9 +105,14 @@ class LogCheck:
     @property
     def mapping(self) -> str:
         """The mapping by which the columns are read, as YAML in one line."""
-        columns = {x.name: x.heading for x in self.columns if x.name not in ("", x.heading)}
-        units = {one.name: one.unit for one in self.columns if one.name and one.assumed}
-        return yaml_source.flow({"columns": columns, "units": units})
+        used = [x for x in self.columns if x.name]
+        commands = {x.name: x.heading for x in used if x.use == "command"}
+        columns = {x.name: x.heading for x in used if x.name not in (x.heading, *commands)}
+        units = {one.name: one.unit for one in used if one.assumed}
+        units |= {x.heading: x.unit for x in used if x.name in commands}
+        return yaml_source.flow(
+            {"columns": columns, "units": units} | ({"command": commands} if commands else {})
+        )
 
 
 def check_text(
@@ -189,6 +194,13 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
             if heading:  # not the positions that eqt makes of them
                 written = log.sheet.units.get(name, "")
                 yield ColumnUse(heading, name, "pose", positions.units[name], not written)
+            continue
+        if name in log.sheet.commands:
+            yield ColumnUse(
+                heading, log.sheet.commands[name][0], "command", log.sheet.commands[name][1], False
+            )
+            continue
+        if not heading:
             continue
         if name not in log.table.columns:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)

@@ -66,6 +66,9 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
 NORMALISED = "normalised"
 """Unit of a wrench that was commanded as a share of the largest."""
 
+OF_COMMANDS = re.compile(r"thrust|torque|force|n\d*")
+"""Keys of `units` that state the unit of commands, of which no column needs to have the name."""
+
 
 PARTNERS = {
     "NED to ENU": "FRD to FLU",
@@ -226,6 +229,10 @@ class Sheet:
         Whether parts of the file were skipped.
     geodetic
         What became of latitudes and longitudes, or None.
+    commands
+        The columns of commands, by their names in the sheet, with eqt's name and the unit.
+    unclear
+        Which columns may be commands, and what a mapping must state.
     """
 
     name: str
@@ -241,6 +248,8 @@ class Sheet:
     damaged: bool = False
     scale: Mapping[str, float] = field(default_factory=dict)
     geodetic: Positions | None = None
+    commands: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    unclear: str = ""
 
     @property
     def header_place(self) -> str:
@@ -255,10 +264,13 @@ class Sheet:
 
     def notes(self, table: LogTable) -> Iterator[str]:
         """Yield the rows that are dropped, and the columns that are not used."""
+        if self.unclear:
+            yield self.unclear
         for kind, lines in table.dropped.items():
             rows = count_of(len(lines), f"{kind} row")
             yield f"{rows} left out, the first in line {lines[0]}"
-        pairs, columns = zip(self.names, self.headings, strict=True), {*table.columns}
+        pairs = zip(self.names, self.headings, strict=True)
+        columns = {*table.columns, *self.commands}
         if self.geodetic is not None:
             columns |= {*geodetic.NAMES}
             yield f"latitude, longitude and altitude are {self.geodetic.words}"
@@ -276,14 +288,18 @@ class Sheet:
         sheet = replace(self, names=names)
         sheet._require_widths()
         positions = angles.positions(sheet._numbers([*angles.places]), mapping)
-        cells = (",".join(map("{:.17g}".format, row)) for row in positions.rows.tolist())
+        wider = sheet.with_numbers(dict.fromkeys(geodetic.AXES, "m"), positions.rows)
+        return replace(wider, geodetic=positions)
+
+    def with_numbers(self, units: dict[str, str], rows: Array) -> Self:
+        """Return the sheet with further columns, of these names and units, without headings."""
+        cells = (",".join(map("{:.17g}".format, row)) for row in rows.tolist())
         return replace(
-            sheet,
-            names=[*names, *geodetic.AXES],
-            headings=[*self.headings, *[""] * len(geodetic.AXES)],
-            units=self.units | dict.fromkeys(geodetic.AXES, "m"),
+            self,
+            names=[*self.names, *units],
+            headings=[*self.headings, *[""] * len(units)],
+            units=self.units | units,
             lines=[f"{line},{more}" for line, more in zip(self.lines, cells, strict=True)],
-            geodetic=positions,
         )
 
     def table(self, wanted: Collection[str]) -> LogTable:
@@ -451,7 +467,8 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
     """
     units = dict(sheet.units)
     for key, name in [(k, name) for k in ("units", "scale") for name in getattr(mapping, k)]:
-        if name not in sheet.names:
+        is_one = name in (*sheet.names, *sheet.headings) or OF_COMMANDS.fullmatch(name)
+        if not is_one or (key == "scale" and name not in sheet.names):
             hint = suggestion(name, used) or f"; expected one of {', '.join(used)}"
             raise MappingError((key, name), f"{sheet.name} has no column {name}{hint}")
     for name, unit in mapping.units.items():

@@ -345,15 +345,26 @@ OTHER_LINES = re.compile(r"Field |Data version|Log start|[IP] interval|Device UI
 """Lines of their heads that are no settings."""
 
 
+def _numbered(table: Path) -> tuple[str, str]:
+    """Return the stem of the raw log of a table, and its number there."""
+    name = re.fullmatch(r"(.+?)(?:\.(\d\d))?", table.stem)
+    return (name[1], name[2] or "1") if name else (table.stem, "1")
+
+
+def raw_logs(table: Path) -> list[Path]:
+    """Return the raw logs beside a table, of which blackbox_decode may have written it."""
+    stem = _numbered(table)[0]
+    beside = (table.with_name(stem + x) for suffix in RAW for x in (suffix.upper(), suffix))
+    return [path for path in beside if path.is_file()]
+
+
 def betaflight_settings(table: Path) -> dict[str, str]:
     """Return gains and other settings of the raw log from which blackbox_decode wrote a table.
 
     Of ``LOG00001.02.csv``, the raw log is the second one in ``LOG00001.BBL`` of the same folder.
     """
-    name = re.fullmatch(r"(.+?)(?:\.(\d\d))?", table.stem)
-    stem, number = (name[1], int(name[2] or 1)) if name else (table.stem, 1)
-    beside = (table.with_name(stem + x) for suffix in RAW for x in (suffix.upper(), suffix))
-    for raw in (path for path in beside if path.is_file()):
+    number = int(_numbered(table)[1])
+    for raw in raw_logs(table):
         logs = content_of(raw, MAX_BYTES).split(LOG)
         if 0 < number < len(logs):
             lines = re.match(rb"[^\n]*\n((?:H [^\n]*\n)*)", logs[number])

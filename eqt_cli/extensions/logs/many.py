@@ -185,7 +185,13 @@ def _line(
                 return FlightLine(flight, problem=why), None
         except EqtError as error:
             return FlightLine(flight, problem=f"{error}".partition("\n")[0]), None
-        line = FlightLine(flight, check.end - check.begin, check.rate, len(check.gaps))
+        ends = span_of(flight, check.begin, check.end)
+        gaps = [t for t, _ in check.gaps if ends[0] <= t < ends[1]]
+        line = FlightLine(flight, ends[1] - ends[0], check.rate, len(gaps))
+        if ends[0] >= ends[1]:
+            why = f"begin: no rows are left; the recording is from {check.begin:.13g}"
+            return replace(line, problem=f"{file}: {why} to {check.end:.13g} s"), None
+        measured = {name: _part(series, *ends) for name, series in measured.items()}
         motion = motion_of(measured)
         missing = [name for name in NEEDED if name not in measured]
         try:
@@ -198,6 +204,20 @@ def _line(
             line = replace(line, error=size.rms, unit=size.unit, notes=errors.remarks)
     speed = _speed(measured["position"]) if "position" in measured else math.nan
     return replace(line, speed=speed, missing=tuple(missing)), motion
+
+
+def span_of(flight: ListedFlight, first: float, last: float) -> tuple[float, float]:
+    """Return the part of a recording that a row of a list takes, s."""
+    ends = [first, last]
+    for k, text in enumerate((flight.begin, flight.end)):
+        if text:
+            ends[k] = float(text) + (first if text.startswith("+") else 0.0)
+    return max(ends[0], first), min(ends[1], last)
+
+
+def _part(series: Series, begin: float, end: float) -> Series:
+    rows = (begin <= series.times) & (series.times <= end)
+    return series._replace(times=series.times[rows], numbers=series.numbers[rows])
 
 
 def _speed(position: Series) -> float:

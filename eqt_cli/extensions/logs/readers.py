@@ -296,6 +296,8 @@ def crazyflie(
             fields[name] /= 1e3  # whole numbers of mm, mm/s and mrad/s, but for the quaternion
         if (name := "stateEstimateZ.quat") in fields:
             fields |= _unpacked(rows[name].astype(np.uint32))
+        if "ctrlLee.thrustSi" in fields:
+            fields |= {f"ctrlLee.thrust{axis}": np.zeros(len(rows)) for axis in "xy"}
         if "stateEstimate.pitch" in fields:  # the firmware's grows with the nose up
             fields["stateEstimate.pitch"] = -fields["stateEstimate.pitch"]
         times = rows["time"].astype(np.int64) * (1000 if version == 2 else 10**6)

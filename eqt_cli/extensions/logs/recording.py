@@ -18,6 +18,7 @@ from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE, pose_from
 from eqt_cli.components.pose_tables import LogMapping, MappingError, Table, TrajectoryFormat
 from eqt_cli.extensions.logs import log_table
+from eqt_cli.extensions.logs.command_columns import with_commands
 from eqt_cli.extensions.logs.log_table import DROPPING, LogTable, Sheet
 
 VELOCITY = {"rates": "w", "velocity": "v"}
@@ -233,11 +234,18 @@ class Log:
 
 
 def read_log(
-    text: str, name: str, form: TrajectoryFormat, G: MatrixLieGroup, mapping: LogMapping
+    text: str,
+    name: str,
+    form: TrajectoryFormat,
+    G: MatrixLieGroup,
+    mapping: LogMapping,
+    *,
+    of_commands: bool = True,
 ) -> Log:
     """Read a recording, whether it can be used or not.
 
-    In the formats tum and euroc, times are counted from the first row.
+    In the formats tum and euroc, times are counted from the first row. Commands in a table of
+    another program are wrenches and speeds of rotors, unless they are of no use.
 
     Raises
     ------
@@ -245,6 +253,8 @@ def read_log(
         With the line and the error; a `MappingError` where the mapping does not fit the file.
     """
     sheet = log_table.open_sheet(text, name, form, mapping)
+    if form == "csv":
+        sheet = with_commands(sheet, mapping, recorded_names(G, WRENCH), of_commands)
     columns = require_pose(sheet, G, mapping, True)
     others = set(sheet.names) - set(columns.names)
     recorded = [column for column in recorded_columns(G) if set(column.names) <= others]

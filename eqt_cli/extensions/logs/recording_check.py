@@ -337,6 +337,8 @@ class Recording:
         Speeds of rotors, rad/s, if they were recorded.
     rotors
         The columns that they are from: n1, n2, …
+    unclear
+        Which columns may be commands, and what a mapping must state.
     """
 
     name: str
@@ -351,6 +353,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     speeds: Array = field(default_factory=lambda: np.empty((0, 0)))
     rotors: Sequence[str] = ()
+    unclear: str = ""
 
     def require_wrenches(self) -> Array:
         """Return the wrenches, or raise an `InputError` if one was not measured."""
@@ -368,7 +371,7 @@ class Recording:
         ]
         raise InputError(
             f"{self.place}: missing column {', '.join(missing)}; a wrench on {G.name} has "
-            f"{', '.join(names)}"
+            f"{', '.join(names)}{'; ' if self.unclear else ''}{self.unclear}"
         )
 
 
@@ -394,6 +397,7 @@ def recording_of(log: Log) -> Recording:
     is_timed = log.mapping.time.offset is not None
     place = log.table.name, log.sheet.header_place
     recording = Recording(*place, G, *motion, is_timed, tuple(notes(log)))
+    recording = replace(recording, unclear=log.sheet.unclear)
     if not log.speeds:
         return recording
     return replace(recording, speeds=log.table.get(log.speeds), rotors=log.speeds)

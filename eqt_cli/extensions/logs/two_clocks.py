@@ -81,5 +81,6 @@ def _other_position(sheet: Sheet, mapping: LogMapping) -> dict[str, Column]:
 
 
 def _position(text: str, name: str, mapping: LogMapping) -> Series | None:
-    log = read_log(text, name, "csv", largest_group(text, name, "csv", mapping), mapping)
+    G = largest_group(text, name, "csv", mapping)
+    log = read_log(text, name, "csv", G, mapping, of_commands=False)
     return motions_of(log).get("position")

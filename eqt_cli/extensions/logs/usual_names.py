@@ -121,3 +121,30 @@ def usual_setpoints(
                 eqt: rest[k]._replace(unit=unit or rest[k].unit) for k, eqt in names.items()
             }
     return columns
+
+
+def usual_commands(headings: Sequence[str], taken: Collection[str]) -> dict[str, Column]:
+    """Return the columns of commands by eqt's names; arguments as for `usual_columns`.
+
+    Speeds of rotors are n1, n2 and so on, as many as there are; a thrust is *thrust*.
+    """
+    plain = {_plain(heading): heading for heading in reversed(headings)}
+    columns = dict[str, Column]()
+    for name, patterns, *unit in _table()["commands"]:
+        for pattern in patterns:
+            first = 0 if pattern.format(a="x", k=0) in plain and "{k}" in pattern else 1
+            keys: Sequence[Any] = [*AXES] if "{a}" in pattern else range(first, MOST_ROTORS + first)
+            pairs = ((pattern.format(a=x, k=x), x) for x in keys)
+            some = {
+                name.format(a=x, k=x + 1 - first if isinstance(x, int) else x): plain[key]
+                for key, x in pairs
+                if key in plain
+            }
+            is_whole = len(some) == len(AXES) if "{a}" in pattern else bool(some)
+            if is_whole and not {*some} & {*taken, *columns}:
+                columns |= {eqt: Column(heading, "".join(unit)) for eqt, heading in some.items()}
+    return columns
+
+
+MOST_ROTORS = 12
+"""Largest number of rotors whose columns are looked for."""

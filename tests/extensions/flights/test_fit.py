@@ -59,6 +59,8 @@ def test_flights_of_a_list_are_fitted_together(recorded):
     assert [n.value for n in found.numbers] == pytest.approx([RELATIVE, 0.05], rel=1e-5)
     words = "2 flights, one after the other: flight.csv and other.csv"
     assert any(words in note for note in found.notes)
+    moved = "times were moved, also for forces that depend on t: other.csv by +3.88 s"
+    assert any(moved in note for note in found.notes)
     Path("flights.csv").write_text("file,begin\nflight.csv,\nother.csv,99\n")
     said = refusal(EqtError, eqt_cli.fit, model("SO3"), "flights.csv", [INERTIA])
     assert says(said, "flights.csv:3: begin: no rows are left; the recording is from 0 to 4 s")

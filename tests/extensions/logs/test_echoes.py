@@ -123,8 +123,11 @@ def test_gains_are_those_of_the_raw_log_next_to_the_table():
         "rollPID": "45,80,40",
         "looptime": "125",
     }
-    found = eqt_cli.compare_flights([a], [b])
+    found = eqt_cli.compare_flights([a], [b], out="kept")
     assert found.premises[0] == "rollPID 50,90,45 → 45,80,40 in all"
+    blackbox("a", 1, ("46,80,40", "50,90,45"))  # what is kept counts for one raw log only
+    found = eqt_cli.compare_flights([a], [b], out="kept")
+    assert found.premises[0] == "rollPID 50,90,45 → 46,80,40 in all"
     Path("a/LOG00001.BBL").unlink()
     assert len(eqt_cli.log_errors(a).flight.topics) == 1
 

@@ -53,6 +53,17 @@ def test_a_folder_becomes_a_list():
     assert says(said, "list/flights.csv: exists; choose another name…")
 
 
+def test_a_row_of_a_list_takes_a_part():
+    fly("1.csv")
+    Path("flights.csv").write_text("file,begin,end\n1.csv,+2,6\n1.csv,7,\n1.csv,20,\n")
+    first, last, none = eqt_cli.check_flights("flights.csv").lines
+    assert (first.seconds, last.seconds) == pytest.approx((4.0, 4.95))
+    rows = (T >= 7) & (T <= 11.95)
+    length = np.linalg.norm(np.diff(WANTED[rows], axis=0), axis=1).sum() / 4.95
+    assert last.speed == pytest.approx(length, rel=0.05)
+    assert says(none.problem, "1.csv: begin: no rows are left; the recording is from 0 to 11.95 s")
+
+
 def test_a_folder_with_metadata_is_one_recording():
     Path("bag").mkdir()
     Path("bag/metadata.yaml").write_text("")
