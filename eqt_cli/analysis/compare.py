@@ -126,6 +126,12 @@ def compare(
     if 0 < len(without) < len(laws):
         forces = f"without the forces of `model` (`known_forces: false`): {', '.join(without)}"
         between = [*between, forces]
+    setpoints = {
+        titles[x]: one.described.setpoints.get(law, "full") for x, (one, law) in laws.items()
+    }
+    if len({*setpoints.values()}) > 1:
+        words = ", ".join(f"{title}: {kind}" for title, kind in setpoints.items())
+        between = [*between, f"laws know different parts of the reference (`setpoint`): {words}"]
     inner = {titles[x]: one.described.inner.get(law, "") for x, (one, law) in laws.items()}
     return Comparison(
         title=result.title if second is None else " and ".join(names),

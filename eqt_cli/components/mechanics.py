@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -159,6 +159,12 @@ class Gains:
     K_d: Array
 
 
+Setpoint: TypeAlias = Literal["position", "velocity", "full"]
+
+SETPOINTS: dict[str, int] = {"position": 0, "velocity": 1, "full": 2}
+"""What a law may know of the reference, with the derivatives that this has; `full`: all."""
+
+
 def pose_error(G: MatrixLieGroup, Q: Array, Qd: Array) -> Array:
     """Q_E = Q Q_d⁻¹, the error in the spatial frame, Hampsey et al. (2025), eq. (17)."""
     return Q @ G.inverse(Qd)
@@ -278,6 +284,14 @@ class Tracking:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         following = Following(**values | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
         return with_fields(following, V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)
+
+    def at_setpoint(self, setpoint: str) -> Tracking:
+        """Return the motion as a law knows it; derivatives of the reference above are 0."""
+        if setpoint == "full":
+            return self
+        order = SETPOINTS[setpoint]
+        s = with_fields(self, flat=self.flat and self.flat.up_to(order), V=self.V)
+        return s.following(min(order, 1.0) * self.Vd, 0.0 * self.Vd)
 
     @cached_property
     def _of_law(self) -> dict[str, Any]:

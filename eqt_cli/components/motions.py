@@ -311,6 +311,13 @@ class FlatOutput(NamedTuple):
     position: Array
     heading: Array | None = None
 
+    def up_to(self, order: int) -> FlatOutput:
+        """Return it with all derivatives above an order 0."""
+        weights, psi = np.where(np.arange(ORDER + 1) <= order, 1.0, 0.0), self.heading
+        return FlatOutput(
+            self.position * weights[:, None], None if psi is None else psi * weights[:3]
+        )
+
     def course(self, order: int) -> Jet:
         """Return p_d as a series."""
         return Jet.of([self.position[..., k, :] for k in range(order + 1)])
@@ -350,6 +357,8 @@ class PlantModel(NamedTuple):
         The whole vehicle, for what a law refuses.
     follows
         The gains of the law, by its options that follow them because they are not written.
+    setpoint
+        What the law knows of the reference, of `SETPOINTS`.
     """
 
     inertia: InertiaLaw
@@ -364,6 +373,7 @@ class PlantModel(NamedTuple):
     foreseen: bool = True
     vehicle: Any = None
     follows: Any = None
+    setpoint: str = "full"
 
     def inside(self, option: str, law: Any, G: MatrixLieGroup, configured: Any) -> PlantModel:
         """Return it for a law inside another: the value of an option, as it was configured.

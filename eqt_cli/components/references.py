@@ -123,6 +123,8 @@ class Reference(TimeVarying, Component):
     """Whether V_d(t) = V_d(0) by construction."""
     starts_from: ClassVar[tuple[str, ...]] = ("pose", "velocity")
     """The initial values given in addition to the options; these states are integrated."""
+    jumps: ClassVar[bool] = False
+    """Whether its pose jumps at its instants, which no energy balance covers."""
     smooth: ClassVar[bool] = False
     """Whether it has a method ``series(G, t, order)``, as `path`: Q_d as a Taylor series."""
 

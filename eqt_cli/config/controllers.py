@@ -15,7 +15,7 @@ from eqt_cli.components.actuators import THRUSTS, Actuator, nominal
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import InertiaLaw
-from eqt_cli.components.laws import Controller, OuterLoop, gains_group
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, Previews, RunsCode, gains_group
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.references import ClosedReference
@@ -47,6 +47,8 @@ class Law:
         Its own gains, as `kp` and `kd`.
     known_forces
         Whether it takes the forces of `model` into account.
+    setpoint
+        What it knows of the reference, of `SETPOINTS`.
     inner
         The blocks of its own between its command and the actuators.
     written
@@ -61,6 +63,7 @@ class Law:
     index: int
     gains: dict[str, Any]
     known_forces: bool
+    setpoint: str
     inner: tuple[Actuator, ...]
     written: tuple[str, ...]
     files: dict[str, str]
@@ -80,6 +83,7 @@ class Law:
         section = {name: value for name, value in options if name not in self.followed}
         section |= {"gains": self.gains} if self.gains else {}
         section |= {} if self.known_forces else {"known_forces": False}
+        section |= {} if self.setpoint == "full" else {"setpoint": self.setpoint}
         return section | ({INNER: [as_section(one) for one in self.inner]} if self.inner else {})
 
 
@@ -96,6 +100,10 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
         label = law.name if entry.label is None else entry.label
         if refusal := task.refusal(law, G):
             here.add(refusal)
+        elif entry.setpoint != "full" and isinstance(law, Designed | Previews | RunsCode):
+            here.at("setpoint").add(
+                f"{law.name} reads the whole reference; choose a cascade or a law of given gains"
+            )
         elif not isinstance(label, str) or not label.strip() or not label.isprintable():
             here.at("label").add(f"expected text on one line, got {shown(label)}")
         elif same := alike(label, laws):
@@ -104,7 +112,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             here.add(f"{held}; give this one another `label`{also}")
         else:
             gains = tensors.kp_and_kd(entry.gains, gains_group(law, G), here.at("gains"))
-            keys = gains, entry.known_forces, entry.inner, entry.written
+            keys = gains, entry.known_forces, entry.setpoint, entry.inner, entry.written
             laws[label] = Law(law, index, *keys, files, code)
     return laws
 
@@ -193,6 +201,7 @@ def with_model(
         here = problems.at("controllers", entry.index)
         flown = with_inner(vehicle, entry.inner, G)
         of_law = plant if entry.known_forces else plant._replace(forces=())
+        of_law = of_law._replace(setpoint=entry.setpoint)
         if flown is not vehicle:
             exact = is_direct(flown) and not acting
             of_law = of_law._replace(

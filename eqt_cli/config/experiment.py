@@ -420,6 +420,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
             vehicles[label],
             task=task,
             known_forces=forces if law.known_forces and counteracts(law.law) else (),
+            setpoint=law.setpoint,
         )
         for label, law in laws.items()
     }

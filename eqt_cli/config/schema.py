@@ -71,6 +71,7 @@ from eqt_cli.components.initial_states import (
 )
 from eqt_cli.components.laws import Controller, controllers, gains_group
 from eqt_cli.components.matrix_groups import distance_of_turn
+from eqt_cli.components.mechanics import SETPOINTS, Setpoint
 from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.references import Reference, references
@@ -189,6 +190,8 @@ class LawEntry:
         Its own gains, if it has any.
     known_forces
         Whether it takes the forces of `model` into account.
+    setpoint
+        What it knows of the reference, of `SETPOINTS`.
     inner
         The blocks that its command passes before the actuators that all laws share.
     written
@@ -199,6 +202,7 @@ class LawEntry:
     label: Any
     gains: "GainsSection | None"
     known_forces: bool
+    setpoint: str
     inner: tuple[Actuator, ...]
     written: tuple[str, ...]
 
@@ -206,7 +210,7 @@ class LawEntry:
 class LawKind(Kind):
     """An entry of `controllers`: a law, and what an entry says of it besides its options."""
 
-    of_every_entry: ClassVar = ("label", "gains", "known_forces", INNER)
+    of_every_entry: ClassVar = ("label", "gains", "known_forces", "setpoint", INNER)
     """The keys that no law has for itself."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> LawEntry | None:
@@ -216,6 +220,7 @@ class LawKind(Kind):
         known_forces = validated(
             bool, options.pop("known_forces", True), problems.at("known_forces")
         )
+        setpoint = validated(Setpoint, options.pop("setpoint", "full"), problems.at("setpoint"))
         inner = validated(
             list[InnerBlock], options.pop(INNER, None) or [], problems.at(INNER), group=group
         )
@@ -228,7 +233,8 @@ class LawKind(Kind):
             gains = validated(GainsSection, gains, problems.at("gains"), group=of)
         if law is None:
             return None
-        return LawEntry(law, label, gains, known_forces, tuple(inner or ()), tuple(options))
+        blocks = tuple(inner or ())
+        return LawEntry(law, label, gains, known_forces, setpoint, blocks, tuple(options))
 
     def section(self, entry: LawEntry) -> dict[str, Any]:
         """Return the law with every option."""
@@ -239,6 +245,7 @@ class LawKind(Kind):
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
         text = "Whether the law counteracts the forces of `model`; default: true."
+        parts = "What it knows of the reference: pose, velocity, too, or all; default: full."
         inner = "Blocks of this law alone that its command passes before `actuators`, in order."
         section: Any = {**TypeAdapter(GainsSection).core_schema, "ref": GainsSection.__name__}
         shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
@@ -246,6 +253,7 @@ class LawKind(Kind):
             "label": {"type": "string", "description": label},
             "gains": shared | {"description": gains},
             "known_forces": {"type": "boolean", "description": text},
+            "setpoint": {"enum": list(SETPOINTS), "description": parts},
             INNER: {"description": inner},
         }
         return super().mapping(component, handler, **more)
@@ -782,7 +790,9 @@ class Config(Section):
         The forces that laws know, and counteract.
     controllers
         Control laws to compare, from the same initial states (`eqt list controllers`); each may
-        have its own `label`, `gains`, `known_forces`, and `inner`, the blocks of its firmware.
+        have its own `label`, `gains`, `known_forces`, `setpoint` (`position`: it knows no
+        derivatives of the reference; `velocity`: the first), and `inner`, the blocks of its
+        firmware.
     plant
         The plant, where it differs from what the laws know: `inertia`, and `forces`.
     draws

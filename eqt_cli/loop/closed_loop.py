@@ -125,6 +125,8 @@ class ClosedLoop:
         What it is to do.
     known_forces
         The forces f of the model that the loop takes from the torque of the law.
+    setpoint
+        What the law knows of the reference, of `SETPOINTS`.
     held_reference, held_law, held_ahead
         Reference, law and preview with their numbers between two known instants; see `holding`.
     """
@@ -137,6 +139,7 @@ class ClosedLoop:
     vehicle: Vehicle = field(default_factory=Vehicle)
     task: Task = field(default=TRACK, kw_only=True, metadata=STRUCTURE)
     known_forces: tuple[Force, ...] = field(default=(), kw_only=True)
+    setpoint: str = field(default="full", kw_only=True, metadata=STRUCTURE)
     held_reference: Reference | None = field(default=None, kw_only=True)
     held_law: Any = field(default=None, kw_only=True)
     held_ahead: ReferenceAhead | None = field(default=None, kw_only=True)
@@ -176,7 +179,11 @@ class ClosedLoop:
         """
         if self.vehicle.control is not None:
             return s.vehicle[COMMANDS][..., -command_length(self.vehicle, self.group) :]
-        return s.command(self.law.torque(s))
+        return s.command(self.law.torque(self.seen(s)))
+
+    def seen(self, s: Tracking) -> Tracking:
+        """Return a state as the law knows it, with the derivatives of its setpoint."""
+        return s.once(self.setpoint, lambda s: s.at_setpoint(self.setpoint))
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -203,7 +210,7 @@ class ClosedLoop:
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
-        dissipation = self.controller.dissipation(s)
+        dissipation = None if self.incomplete else self.controller.dissipation(s)
         if dissipation is not None and s.inertia.leaves:
             y = self.controller.velocity_error(s)
             # Mass takes the energy of its error along; L holds 𝕀 in ½⟨𝕀y, y⟩.
@@ -239,17 +246,26 @@ class ClosedLoop:
     def departures(self) -> str:
         """The departures from the assumptions of the theorems, in words; empty if none."""
         mass = "mass that leaves" if self.inertia.at(0.0).leaves else ""
-        return ", ".join(filter(None, [self.controller.departs, mass, self.vehicle.departures]))
+        departs = [self.controller.departs, self.incomplete, mass, self.vehicle.departures]
+        return ", ".join(filter(None, departs))
+
+    @property
+    def incomplete(self) -> str:
+        """How the law's setpoint departs from a smooth motion, in words; empty if it does not."""
+        if self.reference.jumps:
+            return "reference that jumps"
+        return "" if self.setpoint == "full" else f"setpoint: {self.setpoint}"
 
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
         covered = self.vehicle.is_ideal and not self.inertia.at(0.0).leaves
+        covered = covered and not self.incomplete
         return laws.claims(self.controller, self.group, self.gains) if covered else None
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
-        return self.law.lyapunov(s)
+        return self.law.lyapunov(self.seen(s))
 
     def work(self, state: Array) -> Array:
         """Return the work W taken out of L up to a flat state."""
@@ -346,11 +362,12 @@ class ClosedLoop:
         dtype = np.result_type(Q, V, Qd, Vd)
         state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
         if any(name.startswith(MEMORY) for name in stretches):
-            stretches |= _named(MEMORY, self.controller.initial_memory(self.tracking(t, state)))
+            s = self.seen(self.tracking(t, state))
+            stretches |= _named(MEMORY, self.controller.initial_memory(s))
             state = self.layout.join(stretches, state)
         if any_runs(self.vehicle.actuators):
             s = self.tracking(t, state)
-            command = s.command(self.controller.torque(s))
+            command = s.command(self.controller.torque(self.seen(s)))
             stretches |= _named(VEHICLE, at_start(Now(self.blocks, s, {COMMAND: command})))
             state = self.layout.join(stretches, state)
         if any(moving_sensors(self.vehicle, "accelerometer")):
@@ -413,7 +430,8 @@ class ClosedLoop:
         acting, moving = self.acting_and_rates(s)
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
         outflow = self.outflow(s, acting)
-        memory = dict.fromkeys(s.memory, 0.0) if self._holds_memory else self.law.memory_rate(s)
+        seen, holds = self.seen(s), self._holds_memory
+        memory = dict.fromkeys(s.memory, 0.0) if holds else self.law.memory_rate(seen)
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot + s.inertia.leaving(s.V),
@@ -464,7 +482,7 @@ class ClosedLoop:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
         force = known_force(self, inputs.t, inputs.pose)
         s = inputs.tracking(self.group, self.inertia, self.gains, memory, force)
-        torque, later = self.law.answer(s, period)
+        torque, later = self.law.answer(self.seen(s), period)
         return s.command(torque) + 0.0 * inputs.velocity[..., :1], dict(later)
 
     def after_answer(

@@ -180,13 +180,13 @@ def law_program(
     def start(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
         unset = {name: 0 * z for name, z in state.items()}
-        s = law_input.tracking(G, symbolic.inertia, symbolic.gains, unset)
+        s = symbolic.seen(law_input.tracking(G, symbolic.inertia, symbolic.gains, unset))
         zero = {name: np.zeros(z.shape) for name, z in state.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
 
     def output(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
-        s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
+        s = symbolic.seen(law_input.tracking(G, symbolic.inertia, symbolic.gains, state))
         values = stored_numbers(symbolic.controller, s)
         return {OUTPUT + entry.name: np.ravel(values[entry.source]) for entry in further}
 
@@ -194,7 +194,8 @@ def law_program(
     programs += [traced(output, groups)] if further else []
     read = {value.group for law in programs for value in law.values if isinstance(value, Input)}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
-    spare = {head + name for name in units if adapter or (flat and name.startswith("desired_"))}
+    without = adapter or flat or loop.setpoint != "full"
+    spare = {head + name for name in units if adapter or (without and name.startswith("desired_"))}
     unused = (spare | {NUMBER + entry.name for entry in numbers[:-1]}) - read
     used = tuple(entry for entry in numbers if NUMBER + entry.name not in unused)
     reads = tuple(entry for entry in reads if INPUT + entry.name not in unused)

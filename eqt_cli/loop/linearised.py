@@ -565,7 +565,7 @@ class _About:
         about = type(self).reference(loop, times, s.Qd, s.Vd)
 
         def errors(x: Array) -> Array:
-            return law.loop_errors(loop.tracking(times, about._flat(x)))
+            return law.loop_errors(loop.seen(loop.tracking(times, about._flat(x))))
 
         return about._derivative(errors, with_command=False).slope
 

@@ -55,7 +55,7 @@ class LoopState(NamedTuple):
 def _output(loop: ClosedLoop, s: Tracking) -> Array:
     """Return the numbers of the law that are stored, in the order of `output_names`."""
     law, empty = loop.controller, s.P[..., :0]
-    numbers = stored_numbers(law, s)
+    numbers = stored_numbers(law, loop.seen(s))
     values = [numbers[name] + 0.0 * s.P[..., :1] for name in outputs(law, loop.group)]
     return np.concatenate([empty, *values], axis=-1)
 
@@ -221,7 +221,7 @@ def heading_error(x: LoopState) -> Array:
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
     law = x.loop.controller.formula
-    return law.attitude_error(x.s) if isinstance(law, OuterLoop) else x.none
+    return law.attitude_error(x.loop.seen(x.s)) if isinstance(law, OuterLoop) else x.none
 
 
 # The actuators ------------------------------------------------------------------------------------

@@ -123,6 +123,8 @@ class Experiment(BaseModel):
         and damping are not those of the gains.
     without_forces
         Labels of the laws whose entries leave out the forces of the model.
+    setpoints
+        What laws know of the reference, by label, where that is not all.
     inner
         The blocks of their own that laws have before the actuators, in words, by label.
     small_errors
@@ -164,6 +166,7 @@ class Experiment(BaseModel):
     unclaimed: list[str] = []
     not_matched: list[str] = []
     without_forces: list[str] = []
+    setpoints: dict[str, Words] = {}
     inner: dict[str, Words] = {}
     small_errors: dict[str, SmallErrors] = {}
     rtol: FiniteFloat | None = None

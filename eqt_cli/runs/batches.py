@@ -292,7 +292,8 @@ def kind_of(experiment: Experiment, label: str) -> Hashable:
     judged = [config.settling_threshold, config.early_window, config.closing_window]
     settings = json.dumps([experiment.solver.resolved, judged, config.failed_when])
     placing = _placing(experiment.start.poses)
-    return (*parts, loop.controller.structure, repr(loop.reference), settings, placing)
+    law = loop.controller.structure, loop.setpoint
+    return (*parts, *law, repr(loop.reference), settings, placing)
 
 
 # Solves a few runs of each controller again by another method, and compares the states ------------

@@ -661,6 +661,7 @@ def _experiment(
     }
     if (model := experiment.config.model) and model.forces:
         about["without_forces"] = [k for k, law in experiment.laws.items() if not law.known_forces]
+    about["setpoints"] = {k: x.setpoint for k, x in experiment.laws.items() if x.setpoint != "full"}
     about |= {"rtol": None} if "solver" in swept else {}
     if not swept & {"controllers", "gains", "group", "inertia", "reference", "time"}:
         flown = gains_flown(experiment)

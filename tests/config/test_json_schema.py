@@ -71,7 +71,7 @@ def kinds(place):
     }
 
 
-OF_LAWS = {"label", "gains", "known_forces", "inner"}
+OF_LAWS = {"label", "gains", "known_forces", "setpoint", "inner"}
 
 
 @pytest.mark.parametrize(

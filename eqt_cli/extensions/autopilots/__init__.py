@@ -7,3 +7,4 @@ def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "rate", "rate")
     extension.add_component("actuators", "rate_loop", "rate_loop")
+    extension.add_component("references", "setpoints", "setpoints")

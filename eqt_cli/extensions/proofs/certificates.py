@@ -510,8 +510,9 @@ def identity_rows(
 ) -> list[Row]:
     """Check every identity: on each law or cascade or, if it concerns no law, on `common`."""
     due, rows = list[tuple[Identity, Sample]](), list[Row]()
+    whole: Sequence[Sample] = [x for x in laws if x.loop.setpoint == "full"]
     for certificate in _of_kind(Identity):
-        samples = laws if certificate.per_law else [common]
+        samples = whole if certificate.per_law else [common]
         if certificate.of_whole:
             samples = cascades
         due += [(certificate, sample) for sample in samples if certificate.applies(sample.loop)]

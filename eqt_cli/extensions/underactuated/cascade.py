@@ -35,7 +35,7 @@ from eqt_cli.components.laws import (
     controllers,
 )
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
-from eqt_cli.components.mechanics import Gains, LawInput, Tracking
+from eqt_cli.components.mechanics import SETPOINTS, Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
     ROUNDING_OF_A_SQUARE,
     PlantModel,
@@ -61,6 +61,10 @@ computed again, s."""
 
 ATTITUDE = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
+
+
+NEEDS = {"reference": "full", "heading": "velocity"}
+"""The setpoints that rates read."""
 
 
 def _or_none(ki: Any) -> Any:
@@ -278,6 +282,9 @@ class Cascade(OuterLoop, ReadsLimits):
         check_flat_output(plant, problems)
         if self.rates == "heading" and plant.flat is not None and plant.flat.heading is None:
             problems.at("rates").add("the reference gives no heading; use rates: model")
+        if self.rates in NEEDS and SETPOINTS[plant.setpoint] < SETPOINTS[NEEDS[self.rates]]:
+            said = f"reads derivatives that setpoint: {plant.setpoint} leaves out"
+            problems.at("rates").add(f"{said}; use rates: none, or setpoint: {NEEDS[self.rates]}")
         check_rigid_body(G, plant.inertia, problems)
         if self.position.period is not None:
             check_period(self.position.period, plant.period, problems.at("position", "period"))
@@ -308,7 +315,8 @@ class Cascade(OuterLoop, ReadsLimits):
         of_force = {name: getattr(self.position, key) for name, key in OF_FORCE.items()}
         per_mass = {name: gain / mass for name, gain in of_force.items() if gain is not None}
         position = with_fields(self.position, k_x=None, k_v=None, **per_mass)
-        apart = {"inner": inner, "position": position, "direction": b, "exact": plant.exact}
+        apart = {"inner": inner, "position": position, "direction": b}
+        apart["exact"] = plant.exact and plant.setpoint == "full"
         return with_fields(self, **apart, **forces)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:

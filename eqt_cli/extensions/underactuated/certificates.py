@@ -31,7 +31,8 @@ class CommandedRates(Identity):
     def applies(self, loop: ClosedLoop) -> bool:
         """Whether the rates are those of the model, without an estimate of what else acts."""
         law = loop.controller
-        return isinstance(law, Cascade) and law.rates == "model" and law.position.c1 is None
+        follows = isinstance(law, Cascade) and law.rates == "model" and law.position.c1 is None
+        return follows and loop.setpoint == "full"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Compare Ṙ_c with R_cΩ_c^, and the rate of Ω_c with Ω̇_c."""
@@ -64,7 +65,7 @@ class ForceStays(TrajectoryCheck):
         if not len(runs.vehicle.states):
             return self.undecided(runs)
         loop = runs.vehicle.loop
-        s = loop.tracking(runs.vehicle.problem.times, runs.vehicle.states)
+        s = loop.seen(loop.tracking(runs.vehicle.problem.times, runs.vehicle.states))
         law: Any = loop.controller
         sizes = norm(law.commanded(s).acceleration)
         least, typical = float(sizes.min()), float(np.median(sizes))
