@@ -411,7 +411,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._last = np.zeros((num_envs, *actions))
         self._rewards, self._costs = np.zeros((2, num_envs))
         self._observed = np.zeros((num_envs, *observations))
-        self._begun, self._order = np.zeros(num_envs, np.uint64), np.uint64(self.training_seed)
+        self._begun, self._places = np.zeros(num_envs, np.uint64), np.arange(num_envs)
+        self._order = np.full(num_envs, self.training_seed, np.uint64)
         self._ended, self._started = np.zeros(num_envs, bool), False
         self.runs, self._horizon = np.zeros((2, num_envs), np.int64)
         self._signals = dict[str, Any]()
@@ -468,7 +469,7 @@ class Environment(VectorEnv[Array, Array, Array]):
     # Episodes.
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Begin new episodes.
 
@@ -485,11 +486,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         _expect(isinstance(options, Mapping | None), "options", OPTIONS, options)
         options = dict(options or {})
         if seed is not None:
-            _whole(seed, "seed", least=0)
-            seed = int(seed)
-            self._order = np.uint64(seed % 2**64)
-            self._begun[:] = 0
-        super().reset(seed=seed)
+            self._begin_orders(seed)
+        super().reset(seed=None if seed is None or np.ndim(seed) else int(seed))  # type: ignore[arg-type]
         mask = options.pop("reset_mask", None)
         which = np.arange(self.num_envs) if mask is None else self._masked(mask)
         runs = options.pop("runs", None)
@@ -498,7 +496,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._begin(which, None if runs is None else self._runs(runs, len(which)))
         if self._stagger and mask is None and runs is None:
             # Of the first episodes only the ends differ: motion and reference begin as always.
-            left = _hashed(self._order, np.arange(self.num_envs), 0, FIRST_END)
+            left = _hashed(self._order, self._places, 0, FIRST_END)
             self._horizon = 1 + (left % np.uint64(self.plant.ticks)).astype(int)
         self._started = True
         np.copyto(self._observed, self.plant.observe(), where=~self.plant.failed[:, None])
@@ -511,7 +509,9 @@ class Environment(VectorEnv[Array, Array, Array]):
             count, self._begun[which] = self._begun[which], self._begun[which] + np.uint64(1)
             sizes = len(self._episodes.states), self._episodes.rows
             runs, rows = (
-                (_hashed(self._order, which, count, salt) % np.uint64(size)).astype(int)
+                (
+                    _hashed(self._order[which], self._places[which], count, salt) % np.uint64(size)
+                ).astype(int)
                 for salt, size in zip((START, ERRORS), sizes, strict=True)
             )
         self.plant.begin(which, runs, np.minimum(rows, self._episodes.rows - 1))
@@ -522,10 +522,10 @@ class Environment(VectorEnv[Array, Array, Array]):
 
     def _masked(self, mask: Any) -> Array:
         mask = _array(mask, "reset_mask")
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
             raise EqtError(
-                f"reset_mask: expected {self.num_envs} booleans, at least one of them true, got "
-                f"{mask.dtype} of shape {mask.shape}"
+                f"reset_mask: expected {self.num_envs} booleans, got {mask.dtype} of shape "
+                f"{mask.shape}"
             )
         if not self._started:
             raise EqtError("reset_mask: call reset() for all environments first")
@@ -537,6 +537,19 @@ class Environment(VectorEnv[Array, Array, Array]):
         most = most if self._episodes.errors else len(self._episodes.states)
         if (
             runs.shape != (count,)
+    def _begin_orders(self, seed: Any) -> None:
+        """Set the order of episodes of each environment, by one seed or one of each."""
+        is_list = isinstance(seed, list | tuple | np.ndarray)
+        if is_list and len(seed) != self.num_envs:
+            raise EqtError(
+                f"seed: expected a whole number, or {self.num_envs} of them, got {len(seed)}"
+            )
+        for one in seed if is_list else [seed]:
+            _whole(one, "seed", least=0)
+        self._order[:] = [int(one) % 2**64 for one in seed] if is_list else int(seed) % 2**64
+        self._places[:] = 0 if is_list else np.arange(self.num_envs)
+        self._begun[:] = 0
+
             or runs.dtype.kind not in "iu"
             or not ((runs >= 0) & (runs < most)).all()
         ):
@@ -780,8 +793,8 @@ class Environment(VectorEnv[Array, Array, Array]):
 
 
 STATE = (
-    *("_last", "_rewards", "_costs", "_observed", "_begun", "_order", "_ended", "_started"),
-    *("runs", "_horizon", "_steps"),
+    *("_last", "_rewards", "_costs", "_observed", "_begun", "_order", "_places", "_ended"),
+    *("_started", "runs", "_horizon", "_steps"),
 )
 """Attributes of an environment that its steps change."""
 
@@ -794,9 +807,9 @@ FIRST_END, START, ERRORS = range(3)
 """What is drawn of an episode."""
 
 
-def _hashed(seed: np.uint64, which: Array, count: Any, salt: int) -> Array:
+def _hashed(seeds: Array, which: Array, count: Any, salt: int) -> Array:
     """Return 64 bits for each environment, by SplitMix64: they depend on no other environment."""
-    word = np.full(len(which), seed, np.uint64)
+    word = np.array(seeds, np.uint64)
     for part in (np.asarray(which, np.uint64), np.asarray(count, np.uint64), np.uint64(salt)):
         word = (word ^ part) + np.uint64(0x9E3779B97F4A7C15)
         word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

@@ -65,6 +65,17 @@ def test_a_run_has_the_same_bits_in_any_company(env):
     assert (late == observed[0]).all()
 
 
+def test_a_list_of_seeds_has_one_for_each_environment_and_a_mask_may_be_empty(env):
+    """As in Gymnasium's environments: an order of episodes belongs to its seed, not to a place."""
+    first = env.reset(seed=[4, 7, 4, 2**63, 7])[0]
+    assert (first[[0, 1]] == first[[2, 4]]).all()
+    assert (first[0] != first[1]).any()
+    runs = env.runs.copy()
+    env.reset(options={"reset_mask": np.zeros(5, bool)})
+    assert (env.runs == runs).all()
+    assert (env.reset(seed=[7, 4, 3, 3, 7])[0][[0, 1]] == first[[1, 0]]).all()
+
+
 def test_rewards_are_minus_the_metric_of_a_run(env, tmp_path):
     """By a plain program from the trajectory: trapezoids between instants."""
     env.reset(options={"runs": np.arange(5)})
@@ -378,9 +389,12 @@ def test_slips_of_steps_are_answered_with_a_sentence(env):
     for option, hidden in (("runs", np.arange(5)), ("reset_mask", np.ones(5, bool))):
         hidden = np.ma.masked_array(hidden, np.arange(5) == 2)
         assert says(error_of(env.reset, options={option: hidden}), f"{option}: got masked…")
-    for seed in (-1, [1, 2], 1.5, True):
-        said = error_of(env.reset, seed=seed)
-        assert says(said, f"seed: expected a whole number from 0, got {seed!r}")
+    for seed in (-1, 1.5, True):
+        for wrong in (seed, [0, 0, 0, 0, seed]):
+            said = error_of(env.reset, seed=wrong)
+            assert says(said, f"seed: expected a whole number from 0, got {seed!r}")
+    said = error_of(env.reset, seed=[1, 2])
+    assert says(said, "seed: expected a whole number, or 5 of them, got 2")
     env.reset(seed=np.int64(3))
     assert says(error_of(env.reset, options=[1]), "options: expected a mapping…got [1]")
     assert says(error_of(env.exactly, "bias_error"), "exactly: this loop has no signal…pose_error…")
