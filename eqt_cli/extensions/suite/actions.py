@@ -206,7 +206,10 @@ def file_in(result: Path) -> Path:
         If the folder has none.
     """
     if not result.exists():
-        raise EqtError(f"{result}: not found; give a pack, or a folder that eqt suite LAW wrote")
+        raise EqtError(
+            f"{result}: not found; give a pack, a folder that eqt suite LAW wrote, or a task, as "
+            "late"
+        )
     path = result / FILE if result.is_dir() else result
     if not path.exists():
         raise EqtError(f"{result}: has no {FILE}; give the folder that eqt suite LAW wrote")

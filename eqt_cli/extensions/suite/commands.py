@@ -115,14 +115,17 @@ def run(
 def show(
     results: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[DIR…]", help="Folders of judged laws, or packs. Default: none."),
+        typer.Argument(
+            metavar="[DIR…]",
+            help="Folders of judged laws, or packs; or a task, as late. Default: none.",
+        ),
     ] = None,
     format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
     laws: Laws = None,
     figure: Annotated[Path | None, options.option("--figure")] = None,
     json: options.Json = False,
 ) -> None:
-    """Print judged laws beside those of the archive; nothing is computed.
+    """Print judged laws beside those of the archive, or the file of a task; nothing is computed.
 
     Options
     -------
@@ -133,8 +136,11 @@ def show(
         --format NAME  text, latex, csv, html or json.
     """
     from eqt_cli.extensions.suite import actions
-    from eqt_cli.extensions.suite.tasks import chosen_tasks
+    from eqt_cli.extensions.suite.tasks import chosen_tasks, text_of_task
 
+    if results and len(results) == 1 and (text := text_of_task(results[0])):
+        output.print_findings({"task": results[0].name, "text": text}, text.rstrip(), json=json)
+        return
     tasks = chosen_tasks([])
     archive, labels = actions.beside_archive(results or [], tasks, _names(laws))
     if figure is not None:

@@ -58,4 +58,5 @@ def overview_table(tasks: Mapping[str, Task], archive: Archive) -> list[Any]:
         with_times = sum(_seconds(archive, name) > 0 for name in tasks)
         minutes = f"{total / 60:.1f} CPU minutes for a law with two gains"
         lines.append(f"expected {minutes}, on {with_times} of {len(tasks)} tasks")
-    return [laid_out(table), *lines, "next     eqt suite mylaw.py"]
+    lines += [f"a task   eqt suite show {next(iter(tasks))}", "next     eqt suite mylaw.py"]
+    return [laid_out(table), *lines]

@@ -234,6 +234,13 @@ def all_tasks() -> dict[str, Task]:
     return {path.stem: read_task(path) for path in sorted(TASKS.glob("*.yaml"))}
 
 
+def text_of_task(name: Path) -> str:
+    """Return the file of a task that is named, as late or eqt-suite-2/late; else ""."""
+    path = TASKS / f"{name.name}.yaml"
+    named = name.parent in (Path(), Path(VERSION)) and not name.exists()
+    return path.read_text(encoding="utf-8") if named and path.is_file() else ""
+
+
 def chosen_tasks(names: Sequence[str]) -> dict[str, Task]:
     """Return some tasks of the suite by name, or all.
 
