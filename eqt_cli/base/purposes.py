@@ -169,8 +169,10 @@ def seeds_of_judges(document: core.Document) -> Iterable[tuple[str, int]]:
 
 
 @one("tasks by name")
-def task_by_name(name: str) -> tuple[core.Document, core.KeyPath, str, Mapping[str, int]]:
-    """Return a task, the place of its law, its objective and seeds of its runs; `gym.make`."""
+def task_by_name(
+    name: str,
+) -> tuple[core.Document, core.KeyPath, str, Mapping[str, float], Mapping[str, int]]:
+    """Return a task, the place of its law, its objective, bound and seeds; `gym.make`."""
 
 
 @every

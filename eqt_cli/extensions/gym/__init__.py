@@ -15,8 +15,10 @@ def register(extension: Extension) -> None:
 
 
 _MODULES = {
+    "Bounded": "price",
     "Environment": "environment",
     "SingleEnvironment": "one",
+    "bounded": "price",
     "make": "environment",
     "sb3": "stable_baselines",
     "single": "one",

@@ -30,6 +30,7 @@ from eqt_cli.extensions.gym.rewards import (
     Function,
     FunctionReward,
     MetricReward,
+    is_integral,
     plain,
     signal_program,
     signals_of,
@@ -68,6 +69,9 @@ FUNCTION = "a function of the signals, as lambda x: x.pose_error > 1"
 
 Reward = str | Function | None
 
+Bound = tuple[str, float] | None
+"""What laws may spend of a metric in the mean over runs, as in a task of the suite."""
+
 
 def make(
     config: Configuration,
@@ -75,7 +79,7 @@ def make(
     seed: int | None = None,
     *,
     reward: Reward = None,
-    cost: Function | None = None,
+    cost: str | Function | None = None,
     terminated: Function | None = None,
     penalty: float | None = None,
     autoreset: str | AutoresetMode = "same_step",
@@ -111,8 +115,9 @@ def make(
         name, whose sum is the reward; ``info["reward_terms"]`` has them, and as ``end`` what the
         end of an episode adds.
     cost
-        Function of a `Step`, which ``info["cost"]`` has: what a constraint bounds, in safe
-        reinforcement learning. Terms by name are in ``info["cost_terms"]``.
+        A stored metric by name, or a function of a `Step`: ``info["cost"]`` has what a step spends
+        of what a constraint bounds. Terms by name are in ``info["cost_terms"]``. No reward has it;
+        `bounded` charges it, by default what a task of the suite or ``tune.equal`` bounds.
     terminated
         Function of a `Step` that says where an episode ends. Episodes also end beyond a bound of
         ``failed_when`` in the experiment, and where the state is no longer finite; they are
@@ -163,7 +168,7 @@ def make(
     settings = {
         f"overrides[{k!r}]": f"{k}={yaml_source.flow(v)}" for k, v in (overrides or {}).items()
     }
-    document, objective, judges = _experiment(config, law, settings)
+    document, objective, equal, judges = _experiment(config, law, settings)
     document, label = _for_training(document, controller)
     judges["ensemble.seed"] = int((document.data.get("ensemble") or {}).get("seed", 0))
     for further in functions_for(purposes.seeds_of_judges):
@@ -179,7 +184,8 @@ def make(
         penalty,
     )
     _expect(terminated is None or callable(terminated), "terminated", FUNCTION, terminated)
-    _expect(cost is None or callable(cost), "cost", FUNCTION, cost)
+    is_cost = cost is None or isinstance(cost, str) or callable(cost)
+    _expect(is_cost, "cost", f"the name of a metric, or {FUNCTION}", cost)
     is_list = isinstance(privileged, list | tuple) and all(isinstance(x, str) for x in privileged)
     _expect(is_list, "privileged", "a list of names", privileged)
     is_type = isinstance(dtype, str | type | np.dtype)
@@ -192,6 +198,7 @@ def make(
     document = changed_at(document, ("ensemble", "seed"), seed, "seed")
     trained = study(document)
     usual = objective if isinstance(objective, str) else "mean_pose_error"
+    bound = next(((name, most) for name, most in equal.items() if is_integral(name)), None)
     return Environment(
         trained,
         label,
@@ -199,6 +206,7 @@ def make(
         Episodes(problem_of(trained, label, episodes)),
         reward=usual if reward is None else reward,
         cost=cost,
+        bound=bound if bound and cost in (None, bound[0]) else None,
         terminated=terminated,
         penalty=penalty,
         mode=MODES.get(str(autoreset), autoreset),
@@ -262,17 +270,19 @@ NAMED = re.compile(r"eqt-suite-[0-9]+/\w+")
 
 def _experiment(
     config: Configuration, law: laws.Written | None, settings: Mapping[str, str]
-) -> tuple[Document, Any, dict[str, int]]:
-    """Return a configuration or a named task, what it makes small, and seeds that it uses."""
+) -> tuple[Document, Any, Mapping[str, float], dict[str, int]]:
+    """Return a configuration or a named task, what it makes small and bounds, and its seeds."""
     if isinstance(config, str) and NAMED.fullmatch(config):
-        document, place, objective, seeds = function_for(purposes.task_by_name)(config)
+        document, place, objective, equal, seeds = function_for(purposes.task_by_name)(config)
         document = overridden(laws.with_law(document, place, law), settings)
-        return document, objective, dict(seeds)
+        return document, objective, equal, dict(seeds)
     document = document_from(config, settings)
     if law is not None:
         document = replace(document, data=document.data | {"controllers": [None]})
         document = laws.with_law(document, ("controllers", 0), law)
-    return document, (document.data.get("tune") or {}).get("objective"), {}
+    tune = document.data.get("tune") or {}
+    equal = {k: x for k, x in (tune.get("equal") or {}).items() if isinstance(x, int | float)}
+    return document, tune.get("objective"), equal, {}
 
 
 def _for_training(document: Document, controller: str | None) -> tuple[Document, str]:
@@ -357,6 +367,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         The experiment of the training, with one law.
     label
         Its label.
+    bound
+        What laws may spend of a metric in the mean over runs, as in a task of the suite; or None.
     training_seed
         Seed of all that is drawn.
     episodes
@@ -373,7 +385,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         episodes: Episodes,
         *,
         reward: str | Function,
-        cost: Function | None = None,
+        cost: str | Function | None = None,
+        bound: Bound = None,
         terminated: Function | None = None,
         penalty: float | None = None,
         mode: Any = AutoresetMode.SAME_STEP,
@@ -389,6 +402,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._options = {
             "reward": reward,
             "cost": cost,
+            "bound": bound,
             "terminated": terminated,
             "penalty": penalty,
             "mode": mode,
@@ -419,7 +433,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         self._ends = [Evaluated(self.plant, terminated, "terminated")] if terminated else []
         for end in self._ends:
             _conditions(end.trial.values)
-        self.cost = FunctionReward(self.plant, cost, "cost") if cost else None
+        self.cost = self._counting(cost, "cost") if cost else None
+        self.bound = bound
         self._steps = 0
         self._fails = list[Evaluated]()
         if bounds_of_errors := experiment.base.config.failed_when:
@@ -444,8 +459,18 @@ class Environment(VectorEnv[Array, Array, Array]):
             "the name of a metric, or a function of the signals, as lambda x: -x.pose_error",
             reward,
         )
-        is_name, self._reward = isinstance(reward, str), reward
-        self.reward = (MetricReward if is_name else FunctionReward)(self.plant, reward)  # type: ignore[arg-type]
+        self._reward, self.reward = reward, self._counting(reward, "reward")
+
+    def set_cost(self, cost: str | Function) -> None:
+        """Set what ``info["cost"]`` has from the next step on, as `cost` of `make`."""
+        self._options["cost"], counted = cost, self._counting(cost, "cost")
+        counted.begin(slice(None))
+        self.cost = counted
+
+    def _counting(self, counted: str | Function, what: str) -> MetricReward | FunctionReward:
+        if isinstance(counted, str):
+            return MetricReward(self.plant, counted, what)
+        return FunctionReward(self.plant, counted, what)
 
     # Copies in other processes: what is compiled is made again there.
 
@@ -454,7 +479,7 @@ class Environment(VectorEnv[Array, Array, Array]):
         if isinstance(self._reward, str) or self._reward is not self._options["reward"]:
             self._options["reward"] = self._reward
         of = self.study.document, self.label, self.num_envs, self.episodes, self._options
-        before = getattr(self.reward, "_before", None)
+        before = [getattr(counted, "_before", None) for counted in self._counted]
         state = {name: getattr(self, name) for name in STATE}, self.plant.moments, before
         return _again, of, state
 
@@ -463,8 +488,14 @@ class Environment(VectorEnv[Array, Array, Array]):
         attributes, moments, before = state
         vars(self).update(attributes)
         self.plant.moments = moments
-        if before is not None:
-            self.reward._before = before  # type: ignore[union-attr]
+        for counted, values in zip(self._counted, before, strict=True):
+            if values is not None:
+                counted._before = values  # type: ignore[union-attr]
+
+    @property
+    def _counted(self) -> list[MetricReward | FunctionReward]:
+        """The reward, and the cost if there is one."""
+        return [self.reward, *([self.cost] if self.cost else [])]
 
     # Episodes.
 
@@ -476,7 +507,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         Parameters
         ----------
         seed
-            Seed of the order in which episodes follow; the episodes are those of `make`.
+            Seed of the order in which episodes follow; the episodes are those of `make`. A list has
+            one for each environment, and equal ones give equal orders.
         options
             ``reset_mask``: which environments begin anew; all by default. ``runs``: the run of the
             experiment that each of these is, with its own sensor errors.
@@ -502,6 +534,19 @@ class Environment(VectorEnv[Array, Array, Array]):
         np.copyto(self._observed, self.plant.observe(), where=~self.plant.failed[:, None])
         return self._observations(), self._info()
 
+    def _begin_orders(self, seed: Any) -> None:
+        """Set the order of episodes of each environment, by one seed or one of each."""
+        is_list = isinstance(seed, list | tuple | np.ndarray)
+        if is_list and len(seed) != self.num_envs:
+            raise EqtError(
+                f"seed: expected a whole number, or {self.num_envs} of them, got {len(seed)}"
+            )
+        for one in seed if is_list else [seed]:
+            _whole(one, "seed", least=0)
+        self._order[:] = [int(one) % 2**64 for one in seed] if is_list else int(seed) % 2**64
+        self._places[:] = 0 if is_list else np.arange(self.num_envs)
+        self._begun[:] = 0
+
     def _begin(self, which: Array, runs: Array | None) -> None:
         """Begin these environments anew: as these runs, or as runs drawn for each by itself."""
         rows: Any = runs
@@ -518,7 +563,8 @@ class Environment(VectorEnv[Array, Array, Array]):
         self.runs[which], self._last[which] = runs, 0.0
         self._rewards[which] = self._costs[which] = 0.0
         self._horizon[which], self._ended[which] = self.plant.ticks, False
-        self.reward.begin(which)
+        for counted in self._counted:
+            counted.begin(which)
 
     def _masked(self, mask: Any) -> Array:
         mask = _array(mask, "reset_mask")
@@ -537,19 +583,6 @@ class Environment(VectorEnv[Array, Array, Array]):
         most = most if self._episodes.errors else len(self._episodes.states)
         if (
             runs.shape != (count,)
-    def _begin_orders(self, seed: Any) -> None:
-        """Set the order of episodes of each environment, by one seed or one of each."""
-        is_list = isinstance(seed, list | tuple | np.ndarray)
-        if is_list and len(seed) != self.num_envs:
-            raise EqtError(
-                f"seed: expected a whole number, or {self.num_envs} of them, got {len(seed)}"
-            )
-        for one in seed if is_list else [seed]:
-            _whole(one, "seed", least=0)
-        self._order[:] = [int(one) % 2**64 for one in seed] if is_list else int(seed) % 2**64
-        self._places[:] = 0 if is_list else np.arange(self.num_envs)
-        self._begun[:] = 0
-
             or runs.dtype.kind not in "iu"
             or not ((runs >= 0) & (runs < most)).all()
         ):
@@ -572,12 +605,13 @@ class Environment(VectorEnv[Array, Array, Array]):
             self._repeat_trials()
         moves = ~plant.waits
         plant.act(action)
-        self.reward.after_instant()
+        for counted in self._counted:
+            counted.after_instant()
         plant.advance()
         failed = plant.failed
         crossed = self._any_of(self._fails, action) & moves & ~failed
         reward = self.reward(action, self._last)
-        reward = self._counted(reward, self._rewards, failed, moves, "reward")
+        reward = self._number(reward, self._rewards, failed, moves, "reward")
         numbers = self._costs_of(action, failed, moves) if self.cost else {}
         terminated = failed | crossed | (self._any_of(self._ends, action) & moves & ~failed)
         self._last[moves] = action[moves]
@@ -595,7 +629,7 @@ class Environment(VectorEnv[Array, Array, Array]):
             info = self._followed(np.flatnonzero(self._ended), failed | crossed)
         return self._observations(), reward, terminated, truncated, info | numbers | self._info()
 
-    def _counted(self, value: Array, last: Array, failed: Array, moves: Array, what: str) -> Array:
+    def _number(self, value: Array, last: Array, failed: Array, moves: Array, what: str) -> Array:
         """Return a reward or a cost of this step: of a failed run, that of the step before."""
         value = np.where(moves, np.where(failed, last, value), 0.0)
         if not np.isfinite(value).all():
@@ -611,15 +645,14 @@ class Environment(VectorEnv[Array, Array, Array]):
         """Return what `info` has of the costs of this step."""
         assert self.cost is not None
         value = self.cost(action, self._last)
-        value = self._counted(value, self._costs, failed, moves, "cost")
+        value = self._number(value, self._costs, failed, moves, "cost")
         terms = {name: np.where(moves, x, 0.0) for name, x in self.cost.terms.items()}
         return {"cost": value} | ({"cost_terms": terms} if terms else {})
 
     def _repeat_trials(self) -> None:
         """Refuse functions that give other numbers than when they were set."""
-        rewards = [self.reward.function] if isinstance(self.reward, FunctionReward) else []
-        costs = [self.cost.function] if self.cost else []
-        for function in (*rewards, *costs, *self._ends):
+        counted = [x.function for x in self._counted if isinstance(x, FunctionReward)]
+        for function in (*counted, *self._ends):
             function.trial.repeat()
 
     def _any_of(self, conditions: Sequence[Evaluated], action: Array) -> Array:
@@ -720,6 +753,8 @@ class Environment(VectorEnv[Array, Array, Array]):
             len(episodes.states),
             episodes,
             reward=self._reward,
+            cost=self.bound[0] if self.bound else None,
+            bound=self.bound,
             mode=AutoresetMode.DISABLED,
             dtype=np.float64,
         )

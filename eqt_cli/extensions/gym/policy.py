@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.files import refusals, replace_file
 from eqt_cli.base.registry import described
+from eqt_cli.base.reporting import reporter
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.extensions.gym import judging
@@ -75,12 +76,13 @@ def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, r
     observed, apart = same.reset(options={"runs": np.arange(runs)})[0], 0.0
     if same.plant.asks_first:  # by a network whose memory has not begun
         observed = same.step(commands_of(law)(observed))[0]
-    poses = problem.loop.layout.slices["pose"]
+    poses, spent = problem.loop.layout.slices["pose"], np.zeros(runs)
     for k in range(same.plant.ticks):
         actions = commands(observed)
         if policy is not None:
             _compare(path, policy, observed, actions)
-        observed = same.step(actions)[0]
+        observed, *_, info = same.step(actions)
+        spent += info.get("cost", 0.0)
         ours, theirs = (x[..., poses] for x in (same.plant.states, expected[:, k + 1]))
         scale = np.maximum(1.0, np.abs(theirs))
         there = np.isfinite(theirs).all(axis=1)
@@ -93,7 +95,20 @@ def check(environment: Any, path: Path, policy: Callable[[Array], Any] | None, r
             )
         if same.plant.failed.all():
             break
+    if same.bound:
+        metric, most = same.bound
+        _tell_of_bound(path, metric, most, spent)
     return apart
+
+
+def _tell_of_bound(path: Path, metric: str, most: float, spent: Array) -> None:
+    """Remark on a policy that spends more in the mean than it may."""
+    if spent.mean() > most:
+        message = (
+            f"{path}: {metric} is {spent.mean():.3g} in the mean of {len(spent)} runs, and "
+            f"{most:g} is the bound; train with the rewards of eqt_cli.gym.bounded(env)"
+        )
+        reporter().remark(EqtWarning(message))
 
 
 def _compare(path: Path, policy: Callable[[Array], Any], observed: Array, expected: Array) -> None:

@@ -212,7 +212,8 @@ def signal_program(plant: Plant, name: str, what: str) -> tuple[Any, Array]:
 class MetricReward:
     """Minus a stored metric: of a mean, its value in each step; of an integral, its part.
 
-    So the mean over the steps of an episode that take time, or the sum, is minus the metric.
+    So the mean over the steps of an episode that take time, or the sum, is minus the metric. A cost
+    is the metric itself.
 
     Attributes
     ----------
@@ -222,24 +223,25 @@ class MetricReward:
 
     terms: ClassVar[dict[str, Array]] = {}
 
-    def __init__(self, plant: Plant, name: str) -> None:
+    def __init__(self, plant: Plant, name: str, what: str = "reward") -> None:
         quantity = QUANTITIES.get(name)
         signals, adds = signals_of(plant.loop), [key for key, x in QUANTITIES.items() if _adds(x)]
         usual = [key for key in adds if QUANTITIES[key].signals[0] in signals]
         if not isinstance(quantity, Measure) or name not in usual:
-            what = "is no mean and no integral over time, so it is no sum over steps"
+            lacks = "is no mean and no integral over time, so it is no sum over steps"
             if quantity is None:
-                what = f"unknown metric{suggestion(name, usual)}"
+                lacks = f"unknown metric{suggestion(name, usual)}"
             elif name in adds:
-                what = f"this loop has no signal '{quantity.signals[0]}', of which it is a number"
+                lacks = f"this loop has no signal '{quantity.signals[0]}', of which it is a number"
             raise EqtError(
-                f"reward: {name}: {what}; give one of {', '.join(usual)}, or a function of the "
+                f"{what}: {name}: {lacks}; give one of {', '.join(usual)}, or a function of the "
                 "signals, as lambda x: -x.pose_error"
             )
-        self.text, self._plant = f"-{name}", plant
+        self._sign = -1.0 if what == "reward" else 1.0
+        self.text, self._plant = f"-{name}" if what == "reward" else name, plant
         self._square = quantity.of is not time_mean
         self._name = quantity.signals[0]
-        self._signal = signal_program(plant, self._name, "reward")
+        self._signal = signal_program(plant, self._name, what)
         self._held = quantity.hold(holds(plant.loop.vehicle)) > 0
         self._length = plant.period if self._square else 1.0
         self._before = np.zeros(len(plant.tick))
@@ -248,7 +250,7 @@ class MetricReward:
         value = self._plant.evaluate(*self._signal, which=which)[self._name]
         return value * value if self._square else value
 
-    def begin(self, which: Array) -> None:
+    def begin(self, which: Array | slice) -> None:
         """Take the values at the starts of episodes that begin."""
         if not self._held:
             self._before[which] = self._now(which)
@@ -260,10 +262,16 @@ class MetricReward:
 
     def __call__(self, action: Array, last: Array) -> Array:
         """Return the reward of a step, ``(runs,)``: trapezoids, or held values."""
+        length = self._sign * self._length
         if self._held:
-            return -self._length * self._before
+            return length * self._before
         before, self._before = self._before, self._now()
-        return -self._length * (before + self._before) / 2
+        return length * (before + self._before) / 2
+
+
+def is_integral(name: str) -> bool:
+    """Return whether a metric is an integral over the whole run, so the sum of its steps."""
+    return _adds(quantity := QUANTITIES.get(name)) and quantity.of is not time_mean  # type: ignore[union-attr]
 
 
 def _adds(quantity: Any) -> bool:
@@ -287,7 +295,7 @@ class FunctionReward:
         self.text, self.function = text_of(function), Evaluated(plant, function, what)
         self.terms = dict[str, Array]()
 
-    def begin(self, which: Array) -> None:
+    def begin(self, which: Array | slice) -> None:
         """Nothing is remembered."""
 
     def after_instant(self) -> None:

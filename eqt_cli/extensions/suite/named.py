@@ -14,8 +14,10 @@ REPEATED = 100
 
 
 @purposes.task_by_name
-def task_by_name(name: str) -> tuple[Document, KeyPath, str, Mapping[str, int]]:
-    """Return a task with its reference law, the place of the law, the objective, and the seeds.
+def task_by_name(
+    name: str,
+) -> tuple[Document, KeyPath, str, Mapping[str, float], Mapping[str, int]]:
+    """Return a task with GT, the place of that law, the objective, the bound, and the seeds.
 
     Raises
     ------
@@ -38,4 +40,4 @@ def task_by_name(name: str) -> tuple[Document, KeyPath, str, Mapping[str, int]]:
     for sample in range(search.samples):
         for more in (0, REPEATED):
             seeds[f"suite.search.seed + {sample + more}"] = search.seed + sample + more
-    return task.document, task.place, task.section.objective, seeds
+    return task.document, task.place, task.section.objective, task.section.equal, seeds

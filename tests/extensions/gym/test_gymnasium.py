@@ -86,6 +86,29 @@ def test_tasks_of_the_suite_are_environments_by_their_names(tmp_path):
     )
     assert again.study.document.data["controllers"][0]["observes"] == law["observes"]
     assert again.plant.ticks == 100
+    assert env.cost is None
+    priced = eqt_cli.gym.bounded(env)
+    assert env.bound == ("effort", 0.75)
+    priced.reset()
+    price, plain = None, eqt_cli.gym.make("eqt-suite-2/quad_att", 1, episodes=2)
+    plain.reset()
+    for k in range(40):
+        action = np.full((1, 3), np.sin(k))
+        _, reward, _, _, info = priced.step(action)
+        usual = plain.step(action)[1]
+        spent = info["cost"] / (0.75 / env.plant.ticks)
+        price = 0.02 * -usual[0] if price is None else price
+        price *= np.exp(3e-3 * np.clip(spent[0] - 1, -1, 1))
+        assert reward == pytest.approx(usual - price * spent, rel=1e-12)  # rounding
+    for made, sentence in (
+        (lambda: eqt_cli.gym.bounded(3), "bounded: expected an environment…got int"),
+        (lambda: eqt_cli.gym.bounded(env, 0), "most: expected a positive number, got 0"),
+        (
+            lambda: eqt_cli.gym.bounded(eqt_cli.gym.make(attitude(), 1, episodes=2)),
+            "bounded: nothing says what an episode may spend…(make(…, cost='effort'), 60)…",
+        ),
+    ):
+        assert says(error_of(made), sentence)
     for name, options, sentence in (
         ("eqt-suite-1/quad_att", {}, "…this eqt judges by eqt-suite-2…name eqt-suite-2/quad_att"),
         ("eqt-suite-2/quadatt", {}, "no task 'quadatt' in eqt-suite-2; did you mean 'quad_att'?"),

@@ -11,6 +11,7 @@ from said import error_of, says
 import eqt_cli
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base import yaml_source
+from eqt_cli.base.errors import EqtWarning
 from eqt_cli.engines.engine import hurried
 from eqt_cli.extensions.gym.policy import commands_of
 from eqt_cli.extensions.suite.tasks import TASKS
@@ -212,9 +213,12 @@ def test_a_run_that_begins_late_has_the_same_bits(shape):
 def test_a_stored_run_is_that_of_the_environment(tmp_path):
     """The poses in the file of `eqt run`, and its metric by the mean of the rewards."""
     with hurried():
-        env = eqt_cli.gym.make(attitude(), num_envs=3, episodes=3, dtype=np.float64)
+        env = eqt_cli.gym.make(attitude(), num_envs=3, episodes=3, dtype=np.float64, cost="effort")
         path, layers = random_policy(env, tmp_path / "policy.onnx")
         assert env.check(path, runs=3) == 0.0
+        env.bound = "effort", 1e-6
+        with pytest.warns(EqtWarning, match="onnx: effort is .* 1e-06 is the bound"):
+            env.check(path, runs=3)
         said = error_of(env.check, path, lambda x: np.tanh(outputs(layers, x)))
         assert says(said, "…policy.onnx: its output …where the policy gives…")
         law = POLICY | {"file": str(path)}
@@ -224,12 +228,15 @@ def test_a_stored_run_is_that_of_the_environment(tmp_path):
         result = eqt_cli.run(study, tmp_path / "result")
         stored = np.asarray(result.read("pose", controller="policy")).reshape(3, 21, 3, 3)
         assert result.failed == 0
-        observed, rewards = env.reset(options={"runs": np.arange(3)})[0], []
+        observed, rewards, costs = env.reset(options={"runs": np.arange(3)})[0], [], []
         for k in range(20):
             assert (env.exactly("pose") == stored[:, k]).all()
-            observed, reward, *_ = env.step(commands(observed))
+            observed, reward, *_, info = env.step(commands(observed))
             rewards.append(reward)
+            costs.append(info["cost"])
         means = np.ravel(result.metric("mean_pose_error"))
+        efforts = np.ravel(result.metric("effort"))
+    assert np.sum(costs, axis=0) == pytest.approx(efforts, rel=2e-3)  # by Simpson's rule there
     assert -np.mean(rewards, axis=0) == pytest.approx(means, rel=1e-12)  # rounding of sums
 
 
