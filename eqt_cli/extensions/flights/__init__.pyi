@@ -1,4 +1,5 @@
 from eqt_cli.extensions.flights.api import compare_flights as compare_flights
 from eqt_cli.extensions.flights.api import compare_measured as compare_measured
 from eqt_cli.extensions.flights.api import fit as fit
+from eqt_cli.extensions.flights.api import plan_flights as plan_flights
 from eqt_cli.extensions.flights.api import replay as replay

@@ -1,5 +1,6 @@
 """Compares flights, replays and fits a plant, and compares a recording with runs."""
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from eqt_cli.analysis.gate import rules_of
+from eqt_cli.analysis.intervals import Interval
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
@@ -21,11 +23,16 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
 from eqt_cli.extensions.flights import flights, plant_fit, prediction
 from eqt_cli.extensions.flights.joined import recordings_of_a_list
+from eqt_cli.extensions.flights.judging import Design
+from eqt_cli.extensions.flights.looks import kept_looks
 from eqt_cli.extensions.flights.measured import Explanation, explained, measured_runs
+from eqt_cli.extensions.flights.planning import FlightPlan, of_pilot, planned
 from eqt_cli.extensions.flights.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.flights.prediction import Growth, Windows
+from eqt_cli.extensions.flights.predictions import predictions_of
+from eqt_cli.extensions.flights.sides import Sides, sides_for
 from eqt_cli.extensions.logs.api import MappingSource, driving, literal, log_errors, read_measured
-from eqt_cli.extensions.logs.flight_list import ListedFlight, is_list
+from eqt_cli.extensions.logs.flight_list import ListedFlight, flights_in, is_list
 from eqt_cli.extensions.logs.logs import QUANTITIES, TrackingErrors
 from eqt_cli.extensions.logs.recording_check import Recording
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -47,6 +54,9 @@ def compare_flights(
     of: str = "rms",
     negligible: float = 0.05,
     all_parameters: bool = False,
+    sequential: bool = False,
+    normal: bool = False,
+    model: str | os.PathLike[str] | None = None,
     fail_on: Sequence[str] = (),
     out: str | os.PathLike[str] | None = None,
     **how: Any,
@@ -57,7 +67,7 @@ def compare_flights(
     ----------
     paths, against
         Recordings of both settings, A and B, or folders of them; or a list of flights, and the law
-        of B in it.
+        of B in it. Two folders without `against` are those before a change, B, and after it, A.
     law
         The law of A in a list; of two, the other one by default.
     pair
@@ -78,11 +88,20 @@ def compare_flights(
         Relative difference that counts as none.
     all_parameters
         Whether parameters count that autopilots write themselves.
+    sequential
+        Whether the answer holds at every look, so that flights may be added until it is decided,
+        by bets on signs (`every_look.wealth`). Flights are in the order flown.
+    normal
+        Whether it then rests on normal logarithms of errors (`every_look.safe_t`).
+    model
+        A table with columns ``file`` and ``predicted``: the error that a model predicts for each
+        flight, by one law for all.
     fail_on
         Rules, such as ``position worse by 10 %``.
     out
-        Output folder for the figure ``flights``, and for what is measured of each flight, which a
-        second look at it in the same way uses again. Default: no files.
+        Output folder for the figure ``flights``, for the looks at these flights, and for what is
+        measured of each flight, which a second look at it in the same way uses again. Default: no
+        files.
     how
         Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
 
@@ -111,46 +130,134 @@ def compare_flights(
     <Word.BETTER: 'better'>
     """
     rules = rules_of(fail_on)
-    lists = [path for path in paths if is_list(path)]
-    if lists:
-        rows, pair = flights.sides_of_a_list(Path(lists[0]), paths, law, against, pair)
-    else:
-        rows = [[x for path in some for x in flights.listed_in(path)] for some in (paths, against)]
-    files, paired = [[x.file for x in some] for some in rows], pair or bool(within)
+    chosen: Any = {"law": law, "pair": pair, "within": within, "sequential": sequential}
+    sides = sides_for(paths, against, **chosen)
+    _check(sides, within, period, normal=normal, sequential=sequential, with_model=bool(model))
     literal(Literal["rms", "median", "largest"], "of", of)
     wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < np.inf)}
     if odd := wanted - {*QUANTITIES}:
         raise EqtError(f"expected {', '.join(QUANTITIES)}; got {min(odd)!r}")
-    if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
-        turns = "laps in turns, as ABAB, because wind and battery change with time"
-        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
-    if bool(against) == bool(within) or not paths:
-        raise EqtError("against: expected flights with the other setting, or within")
-    a, b = ([file.name for file in side] for side in files)
-    if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
-        got = f"{', '.join(a)} and {', '.join(b)}"
-        raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
-    sides = [[(side, one) for one in some] for side, some in zip("AB", rows, strict=True)]
-    ordered = [x for two in (zip(*sides, strict=True) if pair else sides) for x in two]
+    rows, paired = sides.flights, sides.paired or bool(within)
+    named = [[(side, one) for one in some] for side, some in zip("AB", rows, strict=True)]
+    in_pairs = sides.paired and {*sides.blocks} == {(1, 1)}
+    ordered = [x for two in (zip(*named, strict=True) if in_pairs else named) for x in two]
     turns = within[: len(within) // 2 * 2]
 
     def tracked(one: ListedFlight) -> TrackingErrors:
         return log_errors(one.file, **how | one.how)
 
     folder = None if out is None else Path(out)
-    settings = {"of": of, "period": period, "within": turns} | how
+    settings: dict[str, Any] = {"of": of, "period": period, "within": turns} | how
     shifts = dict[Path, float]()
     with flights.kept_in(folder, settings) as measured, step("flights", len(ordered)):
         more: Any = measured, shifts, duplicates
         flown = [*flights.read_flights(ordered, tracked, of, period, turns, *more)]
-    comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
+    blocks = sides.blocks or ((1, 1),) * (len(turns) // 2)
+    design = Design(paired, blocks if sequential else None, normal)
+    if model is not None:
+        design = replace(design, predictions=predictions_of(Path(model), rows, paired))
+    comparison = flights.compared(
+        flown, design, metrics, negligible, all_parameters, rules, sides.places
+    )
+    comparison.premises[:0] = [sides.note] if sides.note else []
     if how.get("second"):
         comparison.notes.extend(flights.remarks_on_shifts(shifts))
+    if folder is not None:
+        comparison.notes[:0] = kept_looks(folder, comparison, settings, design)
     if folder is not None:
         from eqt_cli.extensions.flights.figures import save_flights  # slow to import
 
         save_flights(comparison, folder)
     return comparison
+
+
+def _check(
+    sides: Sides, within: str, period: float, *, normal: bool, sequential: bool, with_model: bool
+) -> None:
+    """Refuse sides and options that do not fit each other."""
+    a, b = sides.flights
+    if within and not (period and len(a) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
+        turns = "laps in turns, as ABAB, because wind and battery change with time"
+        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
+    if bool(b) == bool(within) or not a:
+        raise EqtError("against: expected flights with the other setting, or within")
+    if normal and not sequential:
+        raise EqtError("normal: belongs to sequential; add it, or leave normal out")
+    if with_model and (sequential or within):
+        raise EqtError("model: is for whole flights, planned before; leave sequential, within out")
+
+
+def plan_flights(
+    effect: float,
+    pilot: str | os.PathLike[str] | None = None,
+    *,
+    spread: float | None = None,
+    metric: str = "position",
+    of: str = "rms",
+    period: float = 0.0,
+    model: str | os.PathLike[str] | None = None,
+    **how: Any,
+) -> FlightPlan:
+    """Compute how many flights show a difference, from pilot flights or a known spread.
+
+    Parameters
+    ----------
+    effect
+        The relative difference to be found, such as 0.1.
+    pilot
+        A list of flights, or a folder; rows in the order flown.
+    spread
+        Standard deviation of the logarithms of errors, in place of pilot flights.
+    metric, of, period
+        The quantity, the size of its error over a flight, and the length of a lap, s.
+    model
+        Predictions of the pilot flights, as for `compare_flights`.
+    how
+        Other arguments of `log_errors`.
+
+    Returns
+    -------
+    FlightPlan
+        The flights of each side, or pairs, by the design, and the spread with its interval.
+
+    Raises
+    ------
+    EqtError
+        If there are neither pilot flights nor a spread, or too few of them.
+
+    Examples
+    --------
+    >>> eqt_cli.plan_flights(0.1, spread=0.1).rows[0].needed
+    20
+    """
+    if (pilot is None) == (spread is None) or (spread is not None and not 0 < spread < np.inf):
+        raise EqtError("pilot: expected a list of flights, or a spread above 0, as 0.2")
+    if spread is not None:
+        return planned(effect, Interval(spread, spread, spread), None, None)
+    assert pilot is not None
+    literal(Literal["rms", "median", "largest"], "of", of)
+    literal(Literal["position", "velocity", "attitude", "rates"], "metric", metric)
+    rows = flights_in(pilot)
+    laws = [[x for x in rows if x.law == law] for law in dict.fromkeys(x.law for x in rows)]
+
+    def tracked(one: ListedFlight) -> TrackingErrors:
+        return log_errors(one.file, **how | one.how)
+
+    with step("flights", len(rows)):
+        flown = [*flights.read_flights([("A", x) for x in rows], tracked, of, period, "", {}, {})]
+    if lacking := [x.file for x in flown if metric not in x.errors]:
+        raise EqtError(f"{lacking[0]}: has no {metric} error; choose another metric")
+    logs = {id(x): math.log(y.errors[metric]) for x, y in zip(rows, flown, strict=True)}
+    errors = [np.array([logs[id(x)] for x in law]) for law in laws]
+    predicted = predictions_of(Path(model), laws, False) if model is not None else None
+    places = [[k for k, x in enumerate(rows) if x in law] for law in laws]
+    pairs = None
+    if len(laws) == 2 and all(x.pair for x in rows):
+        of_pair = [{x.pair: logs[id(x)] for x in law} for law in laws]
+        both = [pair for pair in of_pair[0] if pair in of_pair[1]]
+        pairs = np.array([of_pair[0][pair] - of_pair[1][pair] for pair in both])
+    measured, of_pairs, by_model, notes = of_pilot(errors, places, pairs, predicted)
+    return planned(effect, measured, of_pairs, by_model, notes)
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------

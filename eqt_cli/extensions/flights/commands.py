@@ -140,6 +140,8 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the group `eqt log`."""
     epilog = example("eqt log compare", TWO_SIDES)
     app.command("compare", cls=_Against, epilog=epilog)(options.spread(compare_flights))
+    of_plan = example("eqt log plan", "--effect 0.1 --spread 0.3")
+    app.command("plan", cls=Command, epilog=of_plan)(options.spread(plan_flights))
 
 
 class _Against(Command):
@@ -169,6 +171,9 @@ class Comparing:
     of: Annotated[str, options.option("--of", names=("rms", "median", "largest"))] = "rms"
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.05
     all_parameters: Annotated[bool, options.option("--all-parameters")] = False
+    sequential: Annotated[bool, options.option("--sequential")] = False
+    normal: Annotated[bool, options.option("--normal")] = False
+    model: Annotated[Path | None, options.option("--model")] = None
     second: Annotated[Path | None, options.option("--second")] = None
     mapping: Annotated[Path | None, options.option("--mapping")] = None
 
@@ -195,7 +200,7 @@ def compare_flights(
     -------
     What to show
         --against FILE  Flights with the other setting, all files that follow, or their folder; of a
-            list of flights, the law of B. Repeatable.
+            list of flights, the law of B. Repeatable. Without it, two folders are before and after.
         --law NAME  The law of A in a list of flights. Default: the other one of two.
         --pair  The first file belongs to the first one of --against, and so on; of a list, those
             with the same pair.
@@ -206,6 +211,11 @@ def compare_flights(
         --of NAME  Size of the errors of a flight: rms, median or largest.
         --negligible X  Relative difference that counts as none.
         --all-parameters  Compare also parameters that an autopilot writes itself, such as CAL_*.
+        --sequential  Give an answer that holds at every look, so that you may fly until it is
+            decided. Flights are in the order flown.
+        --normal  With --sequential: assume normal logarithms of errors.
+        --model FILE  Table with columns file and predicted: the error of each flight by a model,
+            flown by one law; less differs by chance then.
     Experiment
         --second FILE  Desired motion of all flights. Default: the setpoints in their files.
         --second-mapping FILE  Mapping of the desired motion. Default: that of the flights.
@@ -222,8 +232,8 @@ def compare_flights(
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
     Result
-        --out DIR  Folder for the figure flights, and for the errors of all files, which are used
-            again.
+        --out DIR  Folder for the figure flights, for the looks at these flights, and for the
+            errors of all files, which are used again.
     Output
         --format NAME  text, or csv with a row per flight.
     Two settings
@@ -251,3 +261,52 @@ def compare_flights(
             output.print_text(*lines, *both.premises, *blank, ratios, "", flights)
     if not passes:
         raise typer.Exit(4)
+
+
+# `eqt log plan` ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What is known before the flights of a comparison."""
+
+    pilot: Annotated[Path | None, options.option("--pilot")] = None
+    spread: Annotated[float | None, options.option("--spread")] = None
+    metric: Annotated[str, options.option("--metric", names=QUANTITIES)] = "position"
+    of: Annotated[str, options.option("--of", names=("rms", "median", "largest"))] = "rms"
+    period: Annotated[float, options.option("--period", min=0.0)] = 0.0
+    model: Annotated[Path | None, options.option("--model")] = None
+    second: Annotated[Path | None, options.option("--second")] = None
+    mapping: Annotated[Path | None, options.option("--mapping")] = None
+
+
+def plan_flights(
+    effect: Annotated[float, options.option("--effect")],
+    what: Pilot,
+    log_format: options.LogFormat = "csv",
+    *,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Print how many flights show a difference: planned or with looks, in pairs or not.
+
+    Pilot flights say how much errors differ from flight to flight, and whether they drift.
+
+    Options
+    -------
+    Experiment
+        --effect X  Relative difference to be found, such as 0.1 for 10 %.
+        --pilot FILE  List of flights of one law or more, in the order flown, or their folder.
+        --spread X  Standard deviation of the logarithms of errors, in place of pilot flights.
+        --metric NAME  position, velocity, attitude or rates.
+        --of NAME  Size of the errors of a flight: rms, median or largest.
+        --period S  Length of a lap, s; the laps of a flight are averaged.
+        --model FILE  Table with columns file and predicted: the error of each flight by a model.
+        --second FILE  Desired motion of all flights. Default: the setpoints in their files.
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+    """
+    from eqt_cli import api
+    from eqt_cli.extensions.flights.planning import record_of
+
+    plan = api.plan_flights(effect, **vars(what), format=log_format)
+    print_findings(record_of(plan), laid_out(plan.table()), json=json)

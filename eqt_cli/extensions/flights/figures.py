@@ -250,5 +250,6 @@ def save_flights(comparison: FlightComparison, folder: Path) -> None:
         for panel in panels.values():
             panel.set_ylim(-0.6, 1.6)
             panel.margins(x=0.08)
-        remark = f"Dots: flights; strokes: means. {comparison.notes[-1].partition('; p')[0]}."
+        means = next(note for note in comparison.notes if note.startswith("A, B:"))
+        remark = f"Dots: flights; strokes: means. {means}."
         write_all(encoded(drawing, panels, "", remark, folder / "flights"), folder)

@@ -18,21 +18,19 @@ import numpy as np
 from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from eqt_cli.analysis import gate
-from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
-from eqt_cli.api.loading import path_from
+from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError
 from eqt_cli.base.files import read_record, refusals, write_record
 from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
 from eqt_cli.base.version import __version__
-from eqt_cli.extensions.logs.flight_list import ListedFlight, is_list, read_list, recordings_in
+from eqt_cli.extensions.flights import one_look
+from eqt_cli.extensions.flights.judging import CONFIDENCE, Design
+from eqt_cli.extensions.logs.flight_list import ListedFlight
 from eqt_cli.extensions.logs.logs import QUANTITIES, Series, TrackingErrors, raw_logs
 from eqt_cli.extensions.logs.many import digest_of, placed
 from eqt_cli.extensions.logs.recording import GAP
 from eqt_cli.extensions.logs.same_motion import motion_from, motion_of, twins
-
-CONFIDENCE = 0.95
-"""Of intervals and words."""
 
 LEAST_SECONDS, LEAST_SHARE, SLACK = 10.0, 0.5, 0.05
 """Least time that is compared, s, and as a share of the time with setpoints; and the share of a lap
@@ -48,9 +46,6 @@ KEPT, MOST_KEPT = "compared.json", 400
 """File of the output folder with what was measured, and of how many flights: with 1,000 parameters
 each, 14 MB."""
 
-RESAMPLES = 9_999
-"""Largest number of permutations that are all tried; else so many are drawn."""
-
 SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.max}
 SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
 
@@ -63,59 +58,6 @@ OWN = re.compile(
     r"BARO\d_GND|.*_ID\d?$"
 )
 """Parameters that an autopilot writes itself, or that tell vehicles apart."""
-
-
-# Statistics ---------------------------------------------------------------------------------------
-
-
-def difference(x: Array, y: Array, paired: bool, confidence: float) -> tuple[Interval, Any]:
-    """Return the difference of two means, with Student's interval, of Welch (1947) without pairs.
-
-    Of logarithms, it is the logarithm of the ratio of geometric means.
-
-    Parameters
-    ----------
-    x, y : (..., n), (..., m)
-        Numbers of both sides.
-    paired
-        Whether number k of both belong together.
-
-    Returns
-    -------
-    Interval, float
-        Its ends are NaN for fewer than `FEWEST` numbers. The standard deviation of pairs, or of
-        the difference of a number of each side; infinite if it is unknown or 0.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    parts, value = [x - y] if paired else [x, y], x.mean(axis=-1) - y.mean(axis=-1)
-    if min(x.shape[-1], y.shape[-1]) < FEWEST:
-        return Interval(value, math.nan, math.nan), math.inf
-    variances = [part.var(axis=-1, ddof=1) for part in parts]
-    squares = [v / part.shape[-1] for v, part in zip(variances, parts, strict=True)]
-    freedoms = [s**2 / (part.shape[-1] - 1) for s, part in zip(squares, parts, strict=True)]
-    with np.errstate(invalid="ignore"):  # where all numbers of a side are equal
-        t = stdtrit(sum(squares) ** 2 / sum(freedoms), (1 + confidence) / 2)
-    half = np.nan_to_num(t) * np.sqrt(sum(squares))
-    spread = np.sqrt(sum(variances))
-    return Interval(value, value - half, value + half), np.where(spread > 0, spread, np.inf)
-
-
-def permutation_test(x: Array, y: Array, paired: bool) -> Any:
-    """Return the exact p-value that two sides are alike, by the difference of their means.
-
-    All ways to deal the numbers out to two sides, or to swap the sides of pairs (Fisher 1935),
-    are as likely; beyond `RESAMPLES` ways, so many are drawn. It is NaN for few numbers, too.
-    """
-    from scipy import stats  # slow to import
-
-    def distance(x: Array, y: Array, axis: int) -> Any:
-        return abs(x.mean(axis=axis) - y.mean(axis=axis))
-
-    how: Any = {"permutation_type": "samples" if paired else "independent", "axis": -1, "rng": 0}
-    how |= {"n_resamples": RESAMPLES, "alternative": "greater", "vectorized": True}
-    is_enough = min(x.shape[-1], y.shape[-1]) >= FEWEST
-    return stats.permutation_test((x, y), distance, **how).pvalue if is_enough else math.nan
 
 
 # The numbers of a flight --------------------------------------------------------------------------
@@ -152,52 +94,6 @@ class Flown(NamedTuple):
     def record(self) -> dict[str, Any]:
         """A row of numbers, for programs."""
         return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
-
-
-def listed_in(path: Any) -> list[ListedFlight]:
-    """Return a recording, or those in a folder that is no bag, or in a list."""
-    folder = path_from("paths", path)
-    if is_list(folder):
-        return read_list(folder)
-    is_one = not folder.is_dir() or (folder / "metadata.yaml").exists()
-    return [ListedFlight(file) for file in ([folder] if is_one else recordings_in(folder))]
-
-
-def sides_of_a_list(
-    path: Path, paths: Sequence[Any], law: str, against: Sequence[Any], pair: bool
-) -> tuple[list[list[ListedFlight]], bool]:
-    """Return the flights of two laws of a list, and whether they are in pairs, which are in order.
-
-    Raises
-    ------
-    EqtError
-        If the laws are not clear, or a pair is not complete.
-    """
-    flights = read_list(path)
-    laws = [*dict.fromkeys(x.law for x in flights if x.law)]
-    names = ", ".join(laws) or "none; write it into its column law"
-    if len(paths) > 1:
-        raise EqtError(f"{path}: a list of flights stands alone; got {len(paths)} files")
-    wanted = [f"{x}" for x in against]
-    if len(wanted) != 1 or wanted[0] not in laws:
-        got = ", ".join(wanted) or "none"
-        raise EqtError(f"against: expected a law of {path} ({names}), got {got}")
-    others = [x for x in laws if x != wanted[0]]
-    if not law and len(others) != 1:
-        raise EqtError(f"law: name the law of A; {path} has {names}")
-    if (law or others[0]) not in others:
-        raise EqtError(f"law: expected another law of {path} ({', '.join(others)}), got {law}")
-    sides = [[x for x in flights if x.law == one] for one in (law or others[0], wanted[0])]
-    if not (pair or all(x.pair for side in sides for x in side)):
-        return sides, False
-    for side, other in (sides, sides[::-1]):
-        counts, there = Counter(x.pair for x in side), {x.pair for x in other}
-        for x in side:
-            if not x.pair or counts[x.pair] > 1 or x.pair not in there:
-                why = f"expected one flight of law {other[0].law} and one of {x.law} in a pair"
-                raise EqtError(f"{x.place}: pair: {why}, got '{x.pair}'; empty the column of all")
-    order = [x.pair for x in sides[0]]
-    return [sides[0], sorted(sides[1], key=lambda x: order.index(x.pair))], True
 
 
 def seconds_of(times: Array) -> float:
@@ -290,7 +186,7 @@ def kept_in(folder: Path | None, how: Mapping[str, Any]) -> Iterator[dict[str, E
         yield {}
         return
     file, measured = folder / KEPT, dict[str, Evaluated]()
-    which = {"eqt": __version__} | {name: _content(value) for name, value in how.items()}
+    which = {"eqt": __version__} | {name: content_of_option(value) for name, value in how.items()}
     if file.exists():
         with refusals(file, "read", OTHER_FOLDER):
             if (record := read_record(file, "how", "flights")) is None:
@@ -309,7 +205,7 @@ def kept_in(folder: Path | None, how: Mapping[str, Any]) -> Iterator[dict[str, E
                 write_record(file, {"how": which, "flights": latest})
 
 
-def _content(value: Any) -> str:
+def content_of_option(value: Any) -> str:
     """Return what stands for an option: of a file, its digest."""
     is_file = isinstance(value, str | Path) and value and Path(value).exists()
     return digest_of(Path(value)) if is_file else repr(value)
@@ -398,7 +294,7 @@ def _digests(flights: Sequence[ListedFlight], duplicates: bool) -> list[str]:
     """Return what tells flights apart; refuse a recording that stands twice."""
     first, digests = dict[str, Path](), list[str]()
     for one in flights:
-        parts = {name: _content(value) for name, value in one.how.items()}
+        parts = {name: content_of_option(value) for name, value in one.how.items()}
         whole = digest_of(one.file)
         if beside := [digest_of(raw) for raw in raw_logs(one.file)]:
             parts["raw logs"] = f"{beside}"  # their settings are compared
@@ -446,14 +342,16 @@ class FlightRatio(NamedTuple):
     metric, unit, first, second
         The quantity with its unit, and the geometric means of A and of B.
     ratio, low, high
-        Their ratio with its 95 % interval; NaN for fewer than `FEWEST` flights.
+        Their ratio with its 95 % interval; NaN for too few flights.
     p
-        Of `permutation_test`, adjusted after Holm (1979) for all quantities.
+        Of the test of the `Design`, adjusted after Holm (1979) for all quantities.
     word, decided
         The word for A by the interval, and whether it stands: *better* and *worse* need the test.
     needed
         Flights of a side, or pairs, whose interval excludes 1 with probability 0.8, if the ratio is
         as measured.
+    worth
+        Flights of a side, or pairs, that would say as much without the model; None without one.
     """
 
     metric: str
@@ -467,6 +365,7 @@ class FlightRatio(NamedTuple):
     word: Word
     decided: bool
     needed: int | None
+    worth: float | None = None
 
     def __str__(self) -> str:
         """``−19 % [−30, −6], better``."""
@@ -478,32 +377,34 @@ class FlightRatio(NamedTuple):
         return change if math.isnan(self.low) else change + word + more
 
 
-def least_pairs(tests: int) -> int:
-    """Return the pairs that may decide so many tests: if all go one way, p = 2/2^n."""
-    return math.ceil(math.log2(2 * tests / (1 - CONFIDENCE)))
-
-
-def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRatio]:
+def ratios(errors: Errors, design: Design, negligible: float) -> Iterator[FlightRatio]:
     """Yield the ratio of the errors of A and B for each quantity."""
     rows = [(q, np.log(x), np.log(y)) for q, (x, y) in errors.items()]
-    tests = [permutation_test(x, y, paired) for _, x, y in rows]
+    tests = [design.p(x, y) for _, x, y in rows]
     for (q, x, y), p in zip(rows, holm(np.array(tests)).tolist(), strict=True):
-        ends, spread = difference(x, y, paired, CONFIDENCE)
+        ends, spread = design.ends(x, y, CONFIDENCE)
         word = Word.BETTER if ends.high < 0 else Word.WORSE if ends.low > 0 else Word.UNDECIDED
         is_alike = max(-math.expm1(ends.low), math.expm1(ends.high)) <= negligible
         decided = is_alike or (word is not Word.UNDECIDED and p <= 1 - CONFIDENCE)
-        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends))
+        numbers = [_ratio(number) for number in (x.mean(), y.mean(), *ends)]
+        if math.isinf(ends.low) or math.isinf(ends.high):
+            numbers[-2:] = [math.nan, math.nan]
         word = Word.ALIKE if is_alike else word
-        least = least_pairs(len(errors)) if paired else FEWEST
-        needed = runs_to_decide(ends.value / spread, CONFIDENCE)
+        needed = design.needed(ends.value / spread, CONFIDENCE)
         if needed is not None:
             more = 0 if decided else min(len(x), len(y)) + 1
-            needed = max(needed, least, more)
-        row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
+            needed = max(needed, design.least(len(errors)), more)
+        worth = design.worth(x, y, CONFIDENCE)
+        row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed, worth
         yield FlightRatio(*row)
 
 
-def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
+def _ratio(logarithm: float) -> float:
+    """Return the ratio; infinite for ends that nothing bounds."""
+    return math.inf if logarithm == math.inf else math.exp(logarithm)
+
+
+def finding(rule: gate.Rule, errors: Errors, design: Design) -> gate.Finding:
     """Return what the one-sided bounds of a change say of a rule."""
     if rule.metric not in errors:
         raise EqtError(f"fail_on: '{rule}': expected one of {', '.join(errors)}")
@@ -512,10 +413,10 @@ def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
     margin = rule.margin / factor
     if is_relative:
         x, y, margin = np.log(x), np.log(y), math.log1p(margin)
-    change, spread = difference(x, y, paired, gate.TWO_SIDED)
-    ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change)
-    facts: Any = {"noun": "pair" if paired else "flight", "names": {"metric": rule.metric}}
-    n, needed = min(len(x), len(y)), runs_to_decide(margin / spread, gate.TWO_SIDED)
+    change, spread = design.ends(x, y, gate.TWO_SIDED, logs=is_relative)
+    ends = (factor * (_ratio(end) - 1 if is_relative else float(end)) for end in change)
+    facts: Any = {"noun": design.noun, "names": {"metric": rule.metric}}
+    n, needed = min(len(x), len(y)), design.needed(margin / spread, gate.TWO_SIDED)
     return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, **facts)
 
 
@@ -553,20 +454,77 @@ def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, 
     return differing, lines
 
 
-def remarks(n: int, m: int, paired: bool, tests: int) -> Iterator[str]:
+def remarks(n: int, m: int, design: Design, tests: int) -> Iterator[str]:
     """Yield what limits the words, and what the numbers are."""
-    least = least_pairs(tests)
+    least = design.least(tests)
+    fewer = ", or fewer quantities (--metric)" if tests > 1 else ""
     if n == m == 1:
         yield "this compares two flights, not two settings"
-    elif paired and n < least:
-        fewer = ", or fewer quantities (--metric)" if tests > 1 else ""
+    elif design.blocks is not None:
+        if min(n, m) < least:
+            count = f"{min(n, m)} pairs" if design.noun == "pair" else f"{n} and {m} flights"
+            yield f"{count}: {least} are the least for better or worse at any look{fewer}"
+    elif design.paired and n < least:
         none = "no interval below 5; " if n < FEWEST else ""
         yield f"{n} pairs: {none}{least} are the least for better or worse{fewer}"
     elif min(n, m) < FEWEST:
         advice = "pairs flown in the same hour need far fewer"
         yield f"{n} and {m} flights: no interval and no words below {FEWEST} each; {advice}"
-    by = "pairs, by Student's t" if paired else "flights, by Welch's t"
-    yield f"A, B: geometric means; 95 % intervals over {by} of logarithms; p: exact test"
+    if design.blocks is None:
+        yield ONE_LOOK
+    yield f"A, B: geometric means; {design.words}"
+
+
+ONE_LOOK = (
+    "p and intervals hold for a number of flights that was planned before; to look after each "
+    "flight, use --sequential"
+)
+
+
+def remarks_on_a_model(rows: Sequence[FlightRatio], size: int, design: Design) -> Iterator[str]:
+    """Say how many flights are worth as many as those with the model."""
+    noun = "pairs" if design.paired else "flights of each"
+    for one, worth in ((row, row.worth) for row in rows):
+        if worth is not None:
+            cost = "" if worth > size else ": it costs more than it gives"
+            yield f"{one.metric}: with the model, {size} {noun} are worth {worth:.0f}{cost}"
+
+
+def remarks_on_flights(sides: Sequence[list[Flown]], metric: str) -> Iterator[str]:
+    """Yield what the flights of each side say of the certainty: how far halves of them differ."""
+    for side in sides:
+        x = np.log([flight.errors[metric] for flight in side])
+        if len(x) >= 2 * FEWEST:
+            count, apart = one_look.null_splits(x, CONFIDENCE)
+            half = len(x) // 2
+            ends, _ = one_look.difference(x[-half:], x[:half], False, CONFIDENCE)
+            change, low, high = (f"{100 * math.expm1(end):+.0f}".replace("-", "−") for end in ends)
+            yield (
+                f"{len(x)} flights of {side[0].side}: {count} of {one_look.SPLITS} splits into "
+                f"halves are called different, 95 % differ by at most "
+                f"{100 * math.expm1(apart):.2g} %; the "
+                f"last half against the first: {change} % [{low}, {high}]"
+            )
+
+
+def remarks_on_drift(
+    sides: Sequence[list[Flown]], metric: str, places: Sequence[Sequence[int]]
+) -> Iterator[str]:
+    """Say that errors change from flight to flight, if one side was flown before the other."""
+    logs = [np.log([flight.errors[metric] for flight in side]) for side in sides]
+    slope, p = one_look.drift(logs, places)
+    bias = slope * float(np.mean(places[0]) - np.mean(places[1]))
+    if p <= LEAST_P_OF_A_DRIFT and abs(bias) > WORTH_TELLING:
+        first = "B" if np.mean(places[0]) > np.mean(places[1]) else "A"
+        change, alone = (f"{100 * math.expm1(x):+.1f}".replace("-", "−") for x in (slope, bias))
+        yield (
+            f"drift: {metric} errors change by {change} % from flight to flight on both sides (p "
+            f"{p:.2g}); with {first} flown first, that alone makes A {alone} % against B: fly in "
+            "turns, or in pairs"
+        )
+
+
+LEAST_P_OF_A_DRIFT, WORTH_TELLING = 0.01, 0.02
 
 
 class FlightComparison(NamedTuple):
@@ -620,35 +578,51 @@ class FlightComparison(NamedTuple):
 
 def compared(
     flights: list[Flown],
-    paired: bool,
+    design: Design,
     metrics: Sequence[str],
     negligible: float,
     every: bool,
     rules: Sequence[gate.Rule],
+    places: Sequence[Sequence[int]] = (),
 ) -> FlightComparison:
     """Compare the flights of both sides by the quantities that all have.
+
+    Parameters
+    ----------
+    places
+        When the flights of both sides were flown, as far as is known; empty: B first, then A.
 
     Raises
     ------
     EqtError
         If there is none, or a rule does not fit them.
     """
-    sides = [[x for x in flights if x.side == side] for side in "AB"]
+    every_side = [[x for x in flights if x.side == side] for side in "AB"]
     lacking = {q: [x.file for x in flights if q not in x.errors] for q in metrics or QUANTITIES}
     shared = [q for q, some in lacking.items() if not some]
-    errors = {q: [np.array([x.errors[q] for x in side]) for side in sides] for q in shared}
     most = len(flights) + bool(metrics)  # what nobody has and nobody asked for is not told
     notes = [f"{q}: left out, as {x[0]} has none" for q, x in lacking.items() if 0 < len(x) < most]
     if not shared:
         raise EqtError(f"no quantity that all flights have; {'; '.join(notes)}")
-    notes += remarks(len(sides[0]), len(sides[1]), paired, len(shared))
-    pairs = [*ratios(errors, paired, negligible)]
-    findings = [finding(rule, errors, paired) for rule in rules if rule.margin < math.inf]
+    sides = [*design.used(*every_side)]
+    errors = {q: [np.array([x.errors[q] for x in side]) for side in sides] for q in shared}
+    notes += design.waiting(*map(len, every_side))
+    notes += remarks(len(sides[0]), len(sides[1]), design, len(shared))
+    pairs = [*ratios(errors, design, negligible)]
+    notes[-1:-1] = remarks_on_a_model(pairs, min(map(len, sides)), design)
+    findings = [finding(rule, errors, design) for rule in rules if rule.margin < math.inf]
     for rule in (rule for rule in rules if rule.margin == math.inf):
         if rule.metric == "failed" or min(map(len, sides)) < FEWEST:
             needs = f"worse needs {FEWEST} flights of each side, and failed is of runs"
             raise EqtError(f"fail_on: {needs}; try 'position worse by 10 %'")
         worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
         findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
-    differing = premises(sides, every)
-    return FlightComparison(flights, pairs, *differing, notes, findings, paired)
+    differing, lines = premises(sides, every)
+    if not design.paired:
+        where = places or [
+            range(len(sides[1]), len(sides[0]) + len(sides[1])),
+            range(len(sides[1])),
+        ]
+        lines += remarks_on_drift(sides, shared[0], where)
+        notes[-1:-1] = remarks_on_flights(sides, shared[0])
+    return FlightComparison(flights, pairs, differing, lines, notes, findings, design.paired)

@@ -117,6 +117,26 @@ def recordings_in(folder: Path) -> list[Path]:
     return sorted(file for file in fits if not is_list(file))
 
 
+def rows_of(path: Path, *columns: str) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield the rows of a table that has these columns, with their places.
+
+    Raises
+    ------
+    InputError
+        If it lacks a column, or a row has another number of cells.
+    """
+    first, *lines = text_of(path, "check the path").removeprefix("\ufeff").splitlines() or [""]
+    names = _names(path, _cells(first, _delimiter(first)))
+    for column in columns:
+        if column not in names:
+            raise InputError(f"{path}:1: expected a column {column}, got {', '.join(names)}")
+    for number, line in enumerate(lines, 2):
+        if any(cells := _cells(line, _delimiter(first))):
+            if len(cells) != len(names):
+                raise InputError(f"{path}:{number}: expected {len(names)} cells, got {len(cells)}")
+            yield f"{path}:{number}", dict(zip(names, cells, strict=True))
+
+
 def read_list(path: Path) -> list[ListedFlight]:
     """Read a list of flights; files are relative to its folder.
 

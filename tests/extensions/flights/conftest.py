@@ -110,3 +110,37 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., P
         return tmp_path / named
 
     return write
+
+
+# Flights that are not read ----------------------------------------------------------------------
+
+
+A, B = [0.21, 0.30, 0.22, 0.19, 0.25, 0.24], [0.28, 0.29, 0.37, 0.33, 0.31, 0.32]
+T = np.arange(0.0, 15.0, 0.1)
+
+
+@pytest.fixture
+def fly(monkeypatch):
+    """Makes flights of constant errors, as if they were read; returns the names of both sides."""
+    from eqt_cli.extensions.flights import api
+    from eqt_cli.extensions.logs.logs import Flight, Series, TrackingErrors
+    from eqt_cli.extensions.logs.readers import Topic
+
+    read = {}
+    monkeypatch.setattr(api, "log_errors", lambda path, **how: read[path.name])
+
+    def one(name, error=0.3, t=T, goal=T, settings=(), speed=1.0, topic="p − s", more=()):
+        rows = np.outer(np.broadcast_to(error, t.shape), [1.0, 1, 0, 0])
+        curves = {"position": (t, rows)} | {q: (t, np.outer(x + 0 * t, [1.0])) for q, x in more}
+        goals = {"position": Series("s", goal, np.outer(goal, [speed, 0.0, 0.0]))}
+        log = Flight(name, "ulog", [Topic("", "", 0, T, {}, "", [*settings])])
+        read[name] = TrackingErrors([], curves, {"position": topic}, goals=goals, flight=log)
+        Path(name).write_text(name)
+        return name
+
+    def many(a=A, b=B, in_a=(), in_b=(), **every):
+        of_a = [one(f"a{k}.ulg", x, settings=in_a, **every) for k, x in enumerate(a)]
+        return of_a, [one(f"b{k}.ulg", x, settings=in_b, **every) for k, x in enumerate(b)]
+
+    many.one = one
+    return many

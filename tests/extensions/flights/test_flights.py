@@ -17,35 +17,10 @@ import eqt_cli
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.flights import api, flights
 from eqt_cli.extensions.flights.api import compare_flights
-from eqt_cli.extensions.flights.flights import difference, permutation_test
-from eqt_cli.extensions.logs.logs import Flight, Series, TrackingErrors
-from eqt_cli.extensions.logs.readers import Topic
+from eqt_cli.extensions.flights.one_look import difference, permutation_test
 
 A, B = [0.21, 0.30, 0.22, 0.19, 0.25, 0.24], [0.28, 0.29, 0.37, 0.33, 0.31, 0.32]
 T = np.arange(0.0, 15.0, 0.1)
-
-
-@pytest.fixture
-def fly(monkeypatch):
-    """Makes flights of constant errors, as if they were read; returns the names of both sides."""
-    read = {}
-    monkeypatch.setattr(api, "log_errors", lambda path, **how: read[path.name])
-
-    def one(name, error=0.3, t=T, goal=T, settings=(), speed=1.0, topic="p − s", more=()):
-        rows = np.outer(np.broadcast_to(error, t.shape), [1.0, 1, 0, 0])
-        curves = {"position": (t, rows)} | {q: (t, np.outer(x + 0 * t, [1.0])) for q, x in more}
-        goals = {"position": Series("s", goal, np.outer(goal, [speed, 0.0, 0.0]))}
-        log = Flight(name, "ulog", [Topic("", "", 0, T, {}, "", [*settings])])
-        read[name] = TrackingErrors([], curves, {"position": topic}, goals=goals, flight=log)
-        Path(name).write_text(name)
-        return name
-
-    def many(a=A, b=B, in_a=(), in_b=(), **every):
-        of_a = [one(f"a{k}.ulg", x, settings=in_a, **every) for k, x in enumerate(a)]
-        return of_a, [one(f"b{k}.ulg", x, settings=in_b, **every) for k, x in enumerate(b)]
-
-    many.one = one
-    return many
 
 
 # The statistics, against closed forms and plain programs ------------------------------------------
@@ -265,9 +240,8 @@ def test_a_second_look_evaluates_new_flights_and_those_that_are_read_otherwise(
         read.clear()
         found = compare_flights(files, of_b, out="kept", **options)
         assert read == expected
-        assert json.dumps(found.document) == json.dumps(
-            compare_flights(files, of_b, **options).document
-        )
+        alone = compare_flights(files, of_b, **options)
+        assert json.dumps([found.pairs, found.flights]) == json.dumps([alone.pairs, alone.flights])
     Path("columns.yaml").write_text("t: time")
     read.clear()
     compare_flights(of_a, of_b, out="kept", mapping="columns.yaml")
@@ -457,7 +431,7 @@ def test_flights_of_px4():
     assert (flight.wind, flight.speed) == pytest.approx((5.0, speed), rel=0.01)
     assert flight.settings["hardware"] == "PX4_FMU_V5"
     assert {path.name for path in Path("figure").iterdir()} == {
-        "compared.json", "flights.pdf", "flights.png", "flights.svg"
+        "compared.json", "flights.pdf", "flights.png", "flights.svg", "looks.json"
     }  # fmt: skip
 
 
