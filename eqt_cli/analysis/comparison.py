@@ -267,7 +267,7 @@ class Numbers:
         share = (
             interval
             if s.is_share
-            else relative_difference(differences, values[1][both], confidence)
+            else relative_difference(differences, values[1][both], confidence, self.how.sequential)
         )
         with np.errstate(invalid="ignore", divide="ignore"):
             cohen_d = float(np.float64(interval.value) / _deviation(differences))
@@ -279,7 +279,7 @@ class Numbers:
             int(both.sum() + alone.sum()),
         )
         tested = ahead.sum() if counts else runs
-        median = median_difference(s.quantity, values, lost, confidence)
+        median = median_difference(s.quantity, values, lost, confidence, self.how.sequential)
         return Pair(
             s,
             self.laws[a],
@@ -293,7 +293,7 @@ class Numbers:
             *share,
             cohen_d,
             float(np.mean((costs < 0) + (costs == 0) / 2)) if len(costs) else math.nan,
-            float(sign_test(ahead.max(), tested)) if runs else math.nan,
+            float(sign_test(ahead.max(), tested, self.how.sequential)) if runs else math.nan,
             *median,
             runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
             (int(ahead[0]), int(ahead[1])),
@@ -471,7 +471,8 @@ class Comparison(InNotebook):
 
     def _judged(self, pair: Pair, p_value: float) -> Pair:
         better, word, against = pair.measured.quantity.better, Word.UNDECIDED, ""
-        if max(abs(pair.median_low), abs(pair.median_high)) <= self.negligible:
+        by_newcombe = self.how.sequential and pair.measured.quantity.counts  # holds for one look
+        if not by_newcombe and max(abs(pair.median_low), abs(pair.median_high)) <= self.negligible:
             word = Word.ALIKE
         elif p_value <= 1 - self.how.confidence:
             against = self._contradicted(pair)

@@ -44,11 +44,14 @@ class Resampling:
         Number of resamples with replacement; limited by `MOST_DRAWS`.
     seed
         Seed of NumPy's PCG64DXSM.
+    sequential
+        Whether words hold at every look at runs that grow in number.
     """
 
     confidence: float = 0.95
     resamples: int = 9999
     seed: int = 0
+    sequential: bool = False
 
 
 @dataclass(frozen=True)
@@ -237,7 +240,25 @@ def _joined(one: float, other: float, correlation: float) -> float:
     return math.sqrt(max(one**2 - 2 * correlation * one * other + other**2, 0.0))
 
 
-def relative_difference(differences: Array, second: Array, confidence: float) -> Interval:
+def student(freedom: int, confidence: float, size: float = 0.0) -> float:
+    """Return the two-sided quantile of Student's t, or a larger one, valid at every look.
+
+    The latter is for the mean of `size` numbers, or of the difference of n and m by nm/(n + m).
+    There, an effect of standard deviation 1 has at most 1/(1 − confidence) times the likelihood of
+    none, with the scale integrated out (Gönen et al. 2005, Lindon et al. 2022).
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    if not size:
+        return float(stdtrit(freedom, (1 + confidence) / 2))
+    spread = 1 + size
+    bound = float((spread / (1 - confidence) ** 2) ** (1 / (freedom + 1)))
+    return math.sqrt(freedom * (bound - 1) / (1 - bound / spread)) if bound < spread else math.inf
+
+
+def relative_difference(
+    differences: Array, second: Array, confidence: float, sequential: bool = False
+) -> Interval:
     """Return the mean difference over the absolute mean of the second, with Fieller's interval.
 
     The interval contains the ratios θ for which Student's paired t-test does not reject that the
@@ -265,9 +286,9 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
     n, share = len(d), float(d.mean() / y.mean()) if y.any() else math.nan
     if n < FEWEST or not y.any():
         return Interval(share, math.nan, math.nan)
-    from scipy.special import stdtrit  # slow to import
-
-    t = stdtrit(n - 1, (1 + confidence) / 2)
+    t = student(n - 1, confidence, n if sequential else 0)
+    if math.isinf(t):
+        return Interval(share, math.nan, math.nan)
     # (d̄ − θ ȳ)² ≤ t² var(d − θ y)/n: a θ² − 2 b θ + c ≤ 0.
     covariance = t**2 / n * np.cov(d, y)
     a = y.mean() ** 2 - covariance[1, 1]
@@ -280,14 +301,21 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
     return Interval(share, max(float((b - half) / a), least), float((b + half) / a))
 
 
-def sign_test(ahead: Array | int, runs: Array | int) -> Array:
-    """Return the exact p-value that a law is ahead in half of all runs at most, for either law."""
-    from scipy.special import bdtr  # unlike scipy.stats, quick to import
+def sign_test(ahead: Array | int, runs: Array | int, sequential: bool = False) -> Array:
+    """Return the exact p-value that a law is ahead in half of all runs at most, for either law.
 
+    If it is to hold at every look, it is one divided by the wealth of bets on the law, with all
+    probabilities alike: 2^n B(k + 1, n − k + 1) (Ville 1939; Robbins 1970).
+    """
+    from scipy.special import bdtr, betaln  # unlike scipy.stats, quick to import
+
+    if sequential:
+        n = np.asarray(runs)
+        return np.minimum(1.0, np.exp(-n * math.log(2) - betaln(ahead + 1, n - ahead + 1)))
     return np.minimum(1.0, 2 * bdtr(np.asarray(runs) - ahead, np.maximum(runs, 1), 0.5))
 
 
-def median_of_runs(values: Array, confidence: float) -> Interval:
+def median_of_runs(values: Array, confidence: float, sequential: bool = False) -> Interval:
     """Return the median with the interval that `sign_test` inverts, for any distribution.
 
     Its ends are the values of equal rank from below and from above that are so far from the median
@@ -298,7 +326,7 @@ def median_of_runs(values: Array, confidence: float) -> Interval:
     if not n:
         return UNKNOWN
     ranks = np.arange(1, n // 2 + 1)
-    allowed = np.count_nonzero(sign_test(n + 1 - ranks, n) <= 1 - confidence)
+    allowed = np.count_nonzero(sign_test(n + 1 - ranks, n, sequential) <= 1 - confidence)
     with np.errstate(invalid="ignore"):  # between −∞ and ∞
         middle = float(np.median(ordered))
     if not allowed:
@@ -378,7 +406,7 @@ class Word(StrEnum):
 
 
 def median_difference(
-    quantity: Quantity, values: Array, failed: Array, confidence: float
+    quantity: Quantity, values: Array, failed: Array, confidence: float, sequential: bool = False
 ) -> Interval:
     """Return the median over runs of the difference of two laws, relative to the second.
 
@@ -398,7 +426,8 @@ def median_difference(
             relative = differences / np.abs(values[1])
         differences = np.where(differences == 0, 0.0, relative)  # not 0/0
     lost = np.repeat(quantity.cost(np.array([-np.inf, np.inf])), runs_alone(values, failed))
-    return median_of_runs(np.r_[differences[np.isfinite(values).all(axis=0)], lost], confidence)
+    differences = np.r_[differences[np.isfinite(values).all(axis=0)], lost]
+    return median_of_runs(differences, confidence, sequential)
 
 
 def runs_alone(values: Array, failed: Array) -> Array:

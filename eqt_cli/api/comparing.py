@@ -42,6 +42,7 @@ def compare(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
+    sequential: bool = False,
     negligible: float = NEGLIGIBLE,
 ) -> Comparison:
     """Compare the laws of a result, or the laws of another result with them, run by run.
@@ -75,6 +76,8 @@ def compare(
         ``"mN m"`` for every quantity of this dimension, or ``"mean_torque=mN m"`` for one.
     confidence, resamples, seed
         Settings of the bootstrap.
+    sequential
+        Whether words and gates hold at every look, so that runs may be added until they decide.
     negligible
         Relative difference that counts as none.
 
@@ -100,7 +103,7 @@ def compare(
         require_list(name, names)
     if other is None and (fail_on is not None or law or same):
         raise EqtError("fail_on, law and same compare two results; give other, too")
-    over, how = _windows(windows), Resampling(confidence, resamples, seed)
+    over, how = _windows(windows), Resampling(confidence, resamples, seed, sequential)
     compared = partial(
         compare_results, metrics=metrics, windows=over, how=how, negligible=negligible
     )

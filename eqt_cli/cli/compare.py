@@ -91,6 +91,7 @@ def compare(
     json: options.Json = False,
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
     pooled: Annotated[bool, options.option("--pooled")] = False,
+    sequential: Annotated[bool, options.option("--sequential")] = False,
     quiet: options.Quiet = False,
     *,
     gate: Gate,
@@ -138,6 +139,8 @@ def compare(
     Statistics
         --confidence P  Confidence level of each interval.
         --negligible X  Relative difference that counts as none, such as 0.01.
+        --sequential  Words and gates hold at every look, so that you may add runs until they
+            decide.
         --resamples N  Number of bootstrap resamples.
         --seed N  Random seed of the bootstrap.
         --share P  At a point of a sweep, a law that settles in fewer than 1 − P of the runs where
@@ -159,7 +162,7 @@ def compare(
             _print_metrics(results, json)
         return
     write = Latex() if format is TableFormat.LATEX else Plain()
-    how, shown = Resampling(confidence, resamples, seed), None
+    how, shown = Resampling(confidence, resamples, seed, sequential), None
     chosen = {"metrics": metric or (), "controllers": controller or (), "units": unit or ()}
     narrow = bool(window or against or without_start)
     if measured is not None:
@@ -183,7 +186,7 @@ def compare(
     else:
         options.require_measured(mapping, log_format, run)
         if pooled:
-            alone = not (narrow or other or table) and point is None
+            alone = not (narrow or other or table or sequential) and point is None
             shown = _pooled(result, chosen, write, how, negligible, alone=alone)
         elif point is None and other is None:
             shown = _of_whole(result, chosen, table, narrow, write, how, share)
@@ -216,8 +219,8 @@ def _pooled(
 
     if not alone:
         raise EqtError(
-            "--pooled is one answer about all points of one sweep; leave --window, --against, "
-            "--without-start, --table, --point and OTHER out"
+            "--pooled is one answer about all points of one sweep; leave --window, "
+            "--against, --without-start, --table, --point, --sequential and OTHER out"
         )
     with open_at(path) as result:
         of = chosen["metrics"], chosen["controllers"]
@@ -311,7 +314,7 @@ def _of_whole(
     with open_at(path) as opened:
         result = opened.in_units(chosen["units"])
         of = chosen["metrics"], chosen["controllers"]
-        if not narrowed and table in (None, TableName.FRONTS):
+        if not (narrowed or how.sequential) and table in (None, TableName.FRONTS):
             for answers in functions_for(purposes.answer_of_compare, result.path.parent):
                 if answer := answers(result, how, write, *of):
                     return _Shown(*answer)
@@ -320,16 +323,18 @@ def _of_whole(
         from eqt_cli.analysis.maps import map_records, map_tables
         from eqt_cli.results.summary import compared_first
 
-        if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
+        if narrowed or how.sequential or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
-                "--window, --against, --without-start and the tables of pairs and claims apply to "
-                "one experiment; choose a point of the sweep with --point, or --table winners or "
-                "points"
+                "--window, --against, --without-start, --sequential and the tables of pairs and "
+                "claims apply to one experiment; choose a point of the sweep with --point, or "
+                "--table winners or points"
             )
         first = compared_first(result)
         mapped = first[: 2 if first[:1] == ["position_rms"] else 1]  # and the attitude's
         metrics = chosen["metrics"] or mapped
-        maps = api.compare_sweep(path, **{**chosen, "metrics": metrics}, share=share, **vars(how))
+        of_maps = {**vars(how), **chosen, "metrics": metrics, "share": share}
+        del of_maps["sequential"]
+        maps = api.compare_sweep(path, **of_maps)
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS
         tables = [

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from case_tables import in_ci
 from scipy import stats
+from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import ttest_1samp
 
@@ -21,6 +22,8 @@ from eqt_cli.analysis.intervals import (
     relative_difference,
     runs_to_decide,
     runs_without_exception,
+    sign_test,
+    student,
 )
 from eqt_cli.extend import Array
 
@@ -284,3 +287,43 @@ def test_intervals_hold_the_true_share_as_often_as_they_say(kind: str, count: in
         found = relative_difference(first - second, second, 0.95)
         held += found.low <= -0.2 <= found.high
     assert 0.93 <= held / 2000 <= 0.97
+
+
+# Runs that grow -----------------------------------------------------------------------------------
+
+
+def test_the_sign_test_at_every_look_is_one_over_a_mean_likelihood_ratio():
+    """Over all shares p alike: the mean of (2p)^k (2 − 2p)^(n − k), by quadrature."""
+    for ahead, runs in ((15, 20), (30, 31), (10, 20)):
+        ratio = quad(lambda p, k=ahead, n=runs: (2 * p) ** k * (2 - 2 * p) ** (n - k), 0, 1)[0]
+        assert sign_test(ahead, runs, True) == pytest.approx(min(1.0, 1 / ratio))
+
+
+def test_looks_at_runs_that_grow_find_few_false_differences():
+    """2,000 campaigns of 400 runs of equal laws, with a look after every 20: 5 % at most."""
+    ahead = np.random.default_rng(0).random((2_000, 400)) < 0.5
+    looks = np.arange(20, 401, 20)
+    counts = np.cumsum(ahead, axis=1)[:, looks - 1]
+    most = np.maximum(counts, looks - counts)
+    p = [sign_test(most, looks, at_every_look) for at_every_look in (False, True)]
+    shares = [np.mean((values <= 0.05).any(axis=1)) for values in p]
+    assert shares == pytest.approx([0.214, 0.011], abs=0.03)
+
+
+def test_the_interval_of_a_median_at_every_look_inverts_its_test():
+    found = median_of_runs(np.arange(1.0, 31.0), 0.95, True)
+    rank = int(found.low)
+    assert sign_test(31 - rank, 30, True) <= 0.05 < sign_test(30 - rank, 30, True)
+    assert found.high == 31 - rank
+
+
+def test_the_quantile_at_every_look_is_where_the_mean_likelihood_ratio_is_20():
+    """Over normal effects of 10 runs, by quadrature: noncentral against central t."""
+    t = student(9, 0.95, 10)
+
+    def density(effect):
+        return stats.nct.pdf(t, 9, effect * math.sqrt(10)) * stats.norm.pdf(effect)
+
+    assert quad(density, -8, 8)[0] / stats.t.pdf(t, 9) == pytest.approx(20, rel=1e-6)
+    assert student(9, 0.95) == pytest.approx(stats.t.ppf(0.975, 9))
+    assert student(1, 0.95, 2) == math.inf

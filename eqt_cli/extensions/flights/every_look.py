@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.intervals import POWER, Interval, runs_to_decide
+from eqt_cli.analysis.intervals import POWER, Interval, runs_to_decide, student
 from eqt_cli.base.arrays import Array
 
 BETS = {0.125: 0.08, 0.25: 0.08, 0.5: 0.28, 1.0: 0.28, 2.0: 0.28}
@@ -153,14 +153,11 @@ def _end(blocks: Blocks, sign: float, limit: float) -> float:
 
 # A t-test that holds at every look ----------------------------------------------------------------
 
-PRIOR = 1.0
-"""Standard deviation of the effects that the t-test expects, in standard deviations."""
-
 
 def safe_t(x: Array, y: Array, paired: bool, confidence: float) -> tuple[Interval, Any]:
     """Return the difference of two means with its interval, and the p-value, valid at every look.
 
-    The wealth is the likelihood ratio of an effect, normal with the deviation `PRIOR`, and of none,
+    The wealth is the likelihood ratio of an effect, normal with the deviation 1, and of none,
     with the scale (and the common mean) integrated out by the right Haar measure (Gönen et al.
     2005; that it may be looked at any time: Lindon et al. 2022; Pérez-Ortiz et al. 2024).
 
@@ -185,13 +182,12 @@ def safe_t(x: Array, y: Array, paired: bool, confidence: float) -> tuple[Interva
     squares = sum(((z - z.mean(axis=-1, keepdims=True)) ** 2).sum(axis=-1) for z in parts)
     if freedom < 1:
         return Interval(value, -np.inf, np.inf), np.ones_like(value)
-    error, spread = np.sqrt(squares / freedom / size), 1 + size * PRIOR**2
+    error, spread = np.sqrt(squares / freedom / size), 1 + size
     with np.errstate(divide="ignore", invalid="ignore"):
         t2 = np.where(error > 0, (value / error) ** 2, np.where(value == 0, 0, np.inf)) / freedom
         ratio = np.where(np.isinf(t2), spread, (1 + t2) / (1 + t2 / spread))
     gain = (freedom + 1) / 2 * np.log(ratio) - math.log(spread) / 2
-    bound = (spread / (1 - confidence) ** 2) ** (1 / (freedom + 1))
-    t = math.sqrt(freedom * (bound - 1) / (1 - bound / spread)) if bound < spread else math.inf
+    t = student(freedom, confidence, size)
     half = t * error if math.isfinite(t) else np.full_like(value, np.inf)
     return Interval(value, value - half, value + half), np.minimum(1.0, np.exp(-gain))
 

@@ -118,7 +118,9 @@ def findings(
                 number = f"{comparison.titles[pair.first]}: {name_of(pair.measured, comparison)}"
                 yield Finding(Rule("worse"), number, why=pair.percent)
     compared = partial(compare, baseline, candidate, windows=windows, counterparts=counterparts)
-    how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
+    sequential = comparison.how.sequential
+    # Of Fieller and Newcombe: no resample is read
+    how = Resampling(TWO_SIDED, FEWEST, sequential=sequential)
     for rule in (rule for rule in rules if rule.margin < math.inf):
         bounds = compared(metrics=[rule.metric], how=how)
         if not bounds.pairs:
@@ -126,10 +128,17 @@ def findings(
         for pair in bounds.pairs:
             law = pair.first.partition("/")[2]
             number = f"{candidate.title_of[law]}: {name_of(pair.measured, bounds)}"
-            yield judged(rule, pair, number, bounds, unchanged[law])
+            yield judged(rule, pair, number, bounds, unchanged[law], sequential)
 
 
-def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: bool) -> Finding:
+def judged(
+    rule: Rule,
+    pair: Pair,
+    number: str,
+    bounds: Comparison,
+    unchanged: bool,
+    sequential: bool = False,
+) -> Finding:
     """Judge a number of two laws, of which the first is the new one."""
     measured, counts, n, why = pair.measured, pair.measured.quantity.counts, pair.pairs, ""
     factor = rule.factor(measured.unit, is_share=measured.is_share)
@@ -138,7 +147,7 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
     change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
     if counts:  # Newcombe's bounds are too narrow where few runs differ, so these count, too
         ahead = (int(np.count_nonzero(sign * differences > 0)) for sign in (-1, 1))
-        lost, gained = (intervals.share(runs, n, TWO_SIDED, exact=True) for runs in ahead)
+        lost, gained = (_share(runs, n, sequential) for runs in ahead)
         low, high = gained.value - lost.high, gained.high - lost.value
         change = Interval(change.value, min(change.low, low), max(change.high, high))
         spread = math.sqrt(lost.value + gained.value)
@@ -147,14 +156,15 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
         spread /= abs(before) or math.nan
     else:  # Fieller's interval relative to a constant is Student's
         size = 10 * float(np.abs(differences).max(initial=0.0)) or 1.0
-        relative = intervals.relative_difference(differences, np.full(n, size), TWO_SIDED)
+        ones = np.full(n, size)
+        relative = intervals.relative_difference(differences, ones, TWO_SIDED, sequential)
         change = Interval(*(size * end for end in relative))
     if bounds.identical or unchanged or not (counts or differences.any()):
         end = change.value if n >= FEWEST or bounds.identical else math.nan
         change = Interval(change.value, end, end)
     if spread > 0:
         runs = intervals.runs_to_decide(rule.margin / factor / spread, TWO_SIDED)
-        to_show = max(to_show, runs or 0)
+        to_show = max(to_show, (2 if sequential else 1) * (runs or 0))
     vague = not before or bounds.unresolved(pair)
     if pair.censored:
         why = f"{count_of(pair.censored, 'run')} did not settle; use 'settled worse by 2 points'"
@@ -166,3 +176,24 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
     ends = [math.nan if why else factor * end for end in change]
     is_gain = measured.quantity.better == "higher"
     return Finding(rule, number, Interval(*ends), n, to_show, is_gain, why, names=names)
+
+
+def _share(count: int, runs: int, sequential: bool) -> Interval:
+    """Return a share of runs with an exact interval; at every look, that of bets on it.
+
+    With all shares alike before, the likelihood of the true one is below α/(n + 1) times their
+    mean with probability α at most, at any look (Ville 1939).
+    """
+    if not (sequential and runs):
+        return intervals.share(count, runs, TWO_SIDED, exact=True)
+    from scipy.optimize import brentq  # slow to import
+    from scipy.special import betaln, xlog1py, xlogy
+
+    def excess(share: float) -> float:
+        likelihood = xlogy(count, share) + xlog1py(runs - count, -share)
+        return float(likelihood - betaln(count + 1, runs - count + 1) - math.log(1 - TWO_SIDED))
+
+    of = count / runs
+    low = float(brentq(excess, 1e-12, of)) if count else 0.0
+    high = float(brentq(excess, of, 1 - 1e-12)) if count < runs else 1.0
+    return Interval(of, low, high)

@@ -9,6 +9,7 @@ from scipy import stats
 from eqt_cli.analysis.comparison import Numbers
 from eqt_cli.analysis.gate import TWO_SIDED, Rule
 from eqt_cli.analysis.intervals import FEWEST, Resampling
+from eqt_cli.extensions.gate import worsening
 from eqt_cli.extensions.gate.worsening import judged
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import WHOLE
@@ -116,3 +117,16 @@ def test_a_loss_of_a_share_seldom_holds(share, runs):
     both = findings(Rule("settled", 100 * margin, "points"), before, now, "1")
     held = np.mean([finding.outcome == "holds" for finding in both])
     assert held <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 1000)
+
+
+def test_bounds_at_every_look_are_wider_and_hold_at_every_look():
+    """Shares: the ends are where the mean of the binomial likelihoods is ten times as large."""
+    low, high = worsening._share(3, 40, True)[1:]
+    for end in (low, high):
+        assert stats.binom.pmf(3, 40, end) * 41 == pytest.approx(0.1)
+    assert worsening._share(0, 40, True).low == 0.0
+    lost = np.random.default_rng(0).random((1_000, 200)) < 0.1
+    counts, looks = np.cumsum(lost, axis=1), np.arange(10, 201, 10)
+    ends = {(k, n): worsening._share(k, n, True) for n in looks for k in {*counts[:, n - 1]}}
+    held = {at: low <= 0.1 <= high for at, (_, low, high) in ends.items()}
+    assert np.mean([all(held[c[n - 1], n] for n in looks) for c in counts]) >= 0.9
