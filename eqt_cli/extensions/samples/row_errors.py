@@ -9,16 +9,18 @@ import numpy as np
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, distinct
+from eqt_cli.base.errors import EqtWarning
+from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import Attribute
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Compiled, Problem, evaluate
 from eqt_cli.numbers.running import SampledRuns
-from eqt_cli.results.metrics import INTEGRALS, peak, settling_time
+from eqt_cli.results.metrics import INTEGRALS, QUANTITIES, peak, settling_time
 from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.batches import Batch, batches
 from eqt_cli.runs.compute_part import functions_of
-from eqt_cli.runs.folder import stored_quantities
+from eqt_cli.runs.folder import stored_quantities, with_keys_of
 
 TOLD = 0.0075
 """Relative error from which it is told, which the proposed number of samples stays below. That of a
@@ -35,6 +37,9 @@ MOST_SAMPLES, MOST_BY_NUMPY = 200_000, 4_000
 
 SMALL = 1e-5
 """Share of the largest value of a signal, or of the run, below which a metric counts as this."""
+
+UNJUDGED = "unjudged"
+"""In place of the name of a metric, where that takes more samples; no metric of eqt has it."""
 
 EVALUATIONS = 12
 """Evaluations of a step of DOP853, by which engines in NumPy count their work."""
@@ -56,15 +61,25 @@ def row_errors(study: Study) -> dict[str, Attribute]:
         if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
     ]  # of which the run has compiled the program
     worst: tuple[float, str, str] = (0.0, "", "")
-    needed = 0
+    needed, unjudged = 0, list[str]()
     for piece in study.pieces:
         entries = distinct(np.linspace(0, piece.plan.entries - 1, RUNS).astype(int))
         for label in piece.base.loops:
             for batch in batches(piece, label, entries):
                 for name, error, samples in _errors_of(batch, names):
-                    worst = max(worst, (error, name, label))
+                    if name == UNJUDGED:
+                        engine = "; solver.engine native does" if samples < MOST_SAMPLES else ""
+                        unjudged.append(
+                            f"eqt does not judge whether samples of {label} are too far apart, "
+                            f"which takes more than {samples:,} samples of a run{engine}"
+                        )
+                        continue
+                    if name in names:
+                        worst = max(worst, (error, name, label))
                     needed = max(needed, samples)
     error, name, law = worst
+    if error <= TOLD and unjudged:
+        reporter().remark(EqtWarning(unjudged[0]))
     if error <= TOLD:
         return {}
     return {"row_error": error, "row_metric": name, "row_law": law, "row_samples": needed}
@@ -83,7 +98,13 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     if isinstance(loop.controller, RunsCode) or may_end or has_every_tick or is_random:
         return
     function, reduction = functions_of(batch, names)
-    rows = [row for row in reduction.metrics if row.name in names and _of(row) in JUDGED]
+    stored = [row for row in reduction.metrics if row.name in names]
+    # What `eqt compare` computes where somebody asks: of few runs, its error may be by chance, so
+    # that it only counts for the number of samples that would do.
+    others = [row for row in QUANTITIES.values() if row.of and row.per is ValuePer.RUN]
+    config, signals = batch.experiment.config, {*names}
+    asked = [with_keys_of(config, x) for x in others if not x.stored and {*x.signals} <= signals]
+    rows = [row for row in (*stored, *asked) if _of(row) in JUDGED]
     reduction = replace(reduction, metrics=tuple(rows))
     width = loop.group.size**2 + loop.group.dimension
     begins = problem.times
@@ -119,12 +140,16 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
             }
             for row in rows
         }
-        if max((of[2] for of in errors.values()), default=0.0) < TOLD / 4:
+        apart = max((of[2] for name, of in errors.items() if name in names), default=0.0)
+        if apart < TOLD / (4 if 4 * parts * intervals <= most else 1):
             for name, of in errors.items():
                 steps = [step for step in sorted(of, reverse=True) if of[step] <= TOLD]
                 yield name, of[parts], parts // steps[0] * intervals + 1
             return
         parts *= 4
+    ends = replace(problem, times=begins[[0, -1]])
+    if intervals < batch.engine.solve(ends).steps.max() * per_step:
+        yield UNJUDGED, 0.0, most
 
 
 def _of(row: Measure) -> object:

@@ -6,6 +6,7 @@ from scipy.integrate import simpson, solve_ivp
 from small_experiment import mapping
 
 from eqt_cli.api import load_experiment
+from eqt_cli.base.errors import EqtWarning
 from eqt_cli.extensions.samples.row_errors import row_errors
 
 J, KP, KD, ANGLE = 0.5, 1.0, 0.8, 1.2
@@ -58,6 +59,15 @@ def test_rows_too_far_apart_are_told_with_a_number_that_does(samples):
 def test_rows_that_are_near_enough_are_not_told():
     assert errors(401).max() < 0.005
     assert row_errors(experiment(401)) == {}
+
+
+@pytest.mark.ci("integrates a stiff run by NumPy")
+def test_rows_that_would_take_too_many_samples_are_said_not_to_be_judged():
+    """A fast start of 0.1 s in 20 s, of which 1,001 rows miss most."""
+    fast = {"inertia": 3 * [J / 100], "time": {"duration": 20.0, "samples": 1001}}
+    with pytest.warns(EqtWarning, match=r"does not judge .* of lee2010 .* more than 4,000 samples"):
+        said = row_errors(experiment(1001, solver={"engine": "solve_ivp"}, **fast))
+    assert said == {}
 
 
 @pytest.mark.ci("solves runs at thousands of samples")
