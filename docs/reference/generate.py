@@ -429,6 +429,18 @@ UNUSUAL: dict[str, dict[str, Any]] = {
         "gains": "own",
         "source": "Stickler, Alfriend 1976",
     },
+    "pid_cascade": {
+        "groups": "SE3",
+        "reads": "state, position, heading",
+        "gains": "own",
+        "source": "crazyflie-firmware",
+    },
+    "velocity_cascade": {
+        "groups": "SE3",
+        "reads": "state, position and its first two derivatives, heading",
+        "gains": "own",
+        "source": "PX4",
+    },
     "cascade": {
         "groups": "SE2, SE3",
         "reads": "state, flat output",

@@ -6,5 +6,6 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "rate", "rate")
+    extension.add_component("controllers", "pid_cascade", "pid_cascade")
     extension.add_component("actuators", "rate_loop", "rate_loop")
     extension.add_component("references", "setpoints", "setpoints")

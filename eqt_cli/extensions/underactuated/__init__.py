@@ -7,6 +7,7 @@ from eqt_cli.base.extensions import Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "cascade", "cascade")
+    extension.add_component("controllers", "velocity_cascade", "velocity_cascade")
     extension.add_component("references", "flat", "flat")
     on_rates = "remarks.remarks"
     extension.add_function(purposes.remarks_on_an_experiment, on_rates, about=["cascade"])

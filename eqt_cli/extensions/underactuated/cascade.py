@@ -45,7 +45,13 @@ from eqt_cli.components.motions import (
     unit_vector,
 )
 from eqt_cli.components.vehicle_parts import check_period
-from eqt_cli.extensions.underactuated.attitude import attitude, check_along, sides, third_axis
+from eqt_cli.extensions.underactuated.attitude import (
+    Attitude,
+    attitude,
+    check_along,
+    sides,
+    third_axis,
+)
 from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -67,7 +73,7 @@ NEEDS = {"reference": "full", "heading": "velocity"}
 """The setpoints that rates read."""
 
 
-def _or_none(ki: Any) -> Any:
+def or_none(ki: Any) -> Any:
     """Return gains of an integral as they are used, None where all are 0."""
     return (np.array(ki, dtype=float) if isinstance(ki, list) else ki) if np.any(ki) else None
 
@@ -108,7 +114,7 @@ class PositionGains(Keys):
     kx: Annotated[EachAxis | None, Scale("k_x", "1/s^2", is_symbol=True)] = None
     kv: Annotated[EachAxis | None, Scale("k_v", "1/s", is_symbol=True)] = None
     ki: Annotated[
-        Real | list[Real] | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(_or_none)
+        Real | list[Real] | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(or_none)
     ] = None
     c1: Annotated[EachAxis | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
@@ -429,7 +435,7 @@ class Cascade(OuterLoop, ReadsLimits):
             moving = _desired(s, 1, acceleration.order)
             jets = sides(G, acceleration, moving, self.across, self.direction, _mass(s))
             acceleration, side = jets[0], jets[-1]
-        desired = attitude(acceleration, self.direction, s.flat.turn(acceleration.order), R, side)
+        desired = self.oriented(acceleration, s.flat.turn(acceleration.order), R, side)
         if self.rates == "reference":
             desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
         elif self.rates == "heading":
@@ -442,6 +448,10 @@ class Cascade(OuterLoop, ReadsLimits):
         memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(ATTITUDE)}
         inertia = self.inner_inertia(s.G, s.inertia)
         return inputs.tracking(G.rotation_group, inertia, s.gains, memory)
+
+    def oriented(self, force: Jet, heading: Jet | None, R: Array, side: Any) -> Attitude:
+        """Return the attitude that a force asks for, as `attitude`; a subclass may turn it."""
+        return attitude(force, self.direction, heading, R, side)
 
     def _filter_rate(self, s: Tracking, acceleration: Array) -> Any:
         w: Any = self.bandwidth
