@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
+from xml.sax.saxutils import unescape
 
 import numpy as np
-from matplotlib import rc_context, rcParams
+from matplotlib import font_manager, rc_context, rcParams, textpath
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure as Drawing
@@ -34,8 +35,14 @@ Format = Literal["pdf", "svg", "png", "tiff"]
 
 _DATE = "SOURCE_DATE_EPOCH"
 
-_SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
+_SIZE = re.compile(r'(?<= )(width|height)="([0-9.]+)pt"')
 """Width or height in an SVG file; those of the whole picture come first."""
+
+_TEXT = re.compile(r'<text (style="font-size: ([\d.]+)px; font-family: ([^;"]*)[^>]*)>([^<]*)<')
+"""A text in an SVG file, with its size, fonts and letters; of formulas, none."""
+
+_LEFTWARD = re.compile("[\u0590-\u08ff](?:[^A-Za-z]*[\u0590-\u08ff])?")
+"""Letters from right to left, with what is between them."""
 
 _MAKER = f"eqt {__version__}"
 _SOFTWARE = 305
@@ -88,11 +95,16 @@ def encode(
         drawing.savefig(buffer, format=format, **more)
     if format != "svg":
         return buffer.getvalue()
+    text = _TEXT.sub(_as_wide, buffer.getvalue().decode())
+    return _SIZE.sub(lambda x: f'{x[1]}="{times * float(x[2]):g}pt"', text, count=2).encode()
 
-    def enlarged(size: re.Match[bytes]) -> bytes:
-        return b'%s="%gpt"' % (size[1], times * float(size[2]))
 
-    return _SIZE.sub(enlarged, buffer.getvalue(), count=2)
+def _as_wide(text: re.Match[str]) -> str:
+    """Return a text as wide in a reader's fonts as in ours, and its order from left to right."""
+    font = font_manager.FontProperties(family=text[3].split("'")[1::2], size=float(text[2]))
+    width = textpath.text_to_path.get_text_width_height_descent(unescape(text[4]), font, False)[0]
+    adjusted = f'textLength="{width:g}" lengthAdjust="spacingAndGlyphs"'
+    return f"<text {adjusted} {text[1]}>" + _LEFTWARD.sub("\u2068\\g<0>\u2069", text[4]) + "<"
 
 
 @contextmanager

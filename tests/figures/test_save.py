@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from matplotlib.figure import Figure
 from PIL import Image
 from said import error_of, mentions, says
 
@@ -28,6 +29,20 @@ def test_files_say_what_they_show(so3, opened, picture):
     assert ("title", "small: summary") in texts
     assert ("description", "Means over runs.") in texts
     assert "date" not in dict(texts)
+
+
+def test_text_of_an_svg_is_as_wide_in_any_font_and_keeps_its_order():
+    """Widths as Matplotlib draws them; letters from right to left are isolated."""
+    drawing, said = Figure(figsize=(4, 1)), ["mean & <error>", "שם 2, א, 8 runs"]
+    texts = [
+        drawing.text(0.1, 0.1, text, fontfamily=["STIXGeneral", "DejaVu Sans"]) for text in said
+    ]
+    svg = ElementTree.fromstring(encode(drawing, "svg"))
+    written = [element for element in svg.iter() if element.tag.endswith("}text")]
+    assert [x.text for x in written] == [said[0], "\u2068שם 2, א\u2069, 8 runs"]
+    for text, element in zip(texts, written, strict=True):
+        width = text.get_window_extent(dpi=72).width
+        assert float(element.get("textLength")) == pytest.approx(width, abs=2)  # whole pixels
 
 
 def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
