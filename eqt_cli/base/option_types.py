@@ -74,7 +74,7 @@ class _FiniteReal:
 
 # Units --------------------------------------------------------------------------------------------
 
-TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
+TORQUE, DAMPING, DRAG, TORQUE_RATE = "torque", "torque s", "torque s^2", "torque/s"
 STIFFNESS, MOMENTUM, INERTIA = "stiffness", "momentum", "inertia"
 POSE, VELOCITY = "pose", "velocity"
 MEASURED, DENSITY, WALK = "measured", "measured density", "measured walk"
@@ -87,6 +87,7 @@ _OF_PART = {
     TORQUE_RATE: "{force}/s",
     MOMENTUM: "{force} s",
     DAMPING: "{force} {per}/{of}",
+    DRAG: "{force} {per}^2/{of}^2",
     STIFFNESS: "{force} {per}/{of}/s",
     INERTIA: "{force} {per}/{of} s",
     VELOCITY: "{of}/{per}",

@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, absolute, apply_matrix, as_array, cos, cross, dot, sin, stack
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
+from eqt_cli.base.option_types import DAMPING, DRAG, TORQUE, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
@@ -214,7 +214,7 @@ class Drag(PlacedForce):
     in_time: ClassVar[tuple[str, ...]] = ("current",)
 
     linear: Annotated[vehicle_parts.Matrix, Unit(DAMPING)] = 0.0
-    quadratic: vehicle_parts.Matrix = 0.0
+    quadratic: Annotated[vehicle_parts.Matrix, Unit(DRAG)] = 0.0
     current: Annotated[list[vehicle_parts.NumberOrExpression] | None, Unit("m/s")] = None
     drag_only: bool = False
 

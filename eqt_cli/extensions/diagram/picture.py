@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from html import escape
 from itertools import pairwise
 from pathlib import Path
+from unicodedata import east_asian_width
 
 from eqt_cli.base.version import __version__
 from eqt_cli.extensions.diagram.boxes import ACTUATION, ESTIMATION, LAW, PLANT, REFERENCE, SENSING
@@ -77,9 +78,9 @@ def text_width(text: str, size: float) -> float:
     """Return about how wide a text is in a sans serif font, px; rather too much."""
     narrow, wide = (
         sum(x in "iljtf.,:;|'()[] /\u00a0·" for x in text),
-        sum(x in "mwMW@—" for x in text),
+        sum(x in "mwMW@—" or east_asian_width(x) in "WF" for x in text),
     )
-    return size * (0.36 * narrow + 0.95 * wide + 0.62 * (len(text) - narrow - wide))
+    return size * (0.36 * narrow + wide + 0.62 * (len(text) - narrow - wide))
 
 
 def wrapped(text: str, width: float, size: float) -> list[str]:

@@ -9,6 +9,7 @@ from operator import itemgetter
 from typing import Any, get_args, get_type_hints
 
 from eqt_cli.base.option_types import (
+    DRAG,
     POSE,
     STIFFNESS,
     Scale,
@@ -69,7 +70,10 @@ def units_of(component: Any, name: str, place: UnitPlace) -> list[tuple[str, sli
         return [(unit_text(unit), None)]
     of_columns = {part.name: part.entries[1] for part in place.group.parts}
     return [
-        (unit_text(base_of(text)), of_columns[name] if unit == STIFFNESS else axes)
+        (
+            unit_text(text if unit == DRAG else base_of(text)),  # kg m² would be an inertia
+            of_columns[name] if unit == STIFFNESS else axes,
+        )
         for name, (text, axes) in by_part.items()
     ]
 

@@ -25,6 +25,9 @@ def test_the_options_of_a_part_that_are_not_the_default_are_shown_with_units():
     )
     assert "time constant 72 ms" in said
     assert "limit 1, 2, 3 N m" in said
+    drag = {"kind": "drag", "linear": 0.1, "quadratic": 0.2}
+    said = text(plant={"forces": [drag]})
+    assert "linear 0.1 N m s" in said and "quadratic 0.2 N m s²/rad²" in said
 
 
 def test_a_number_that_runs_draw_is_a_mean_and_a_deviation_or_two_ends():
