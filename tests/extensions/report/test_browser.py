@@ -402,6 +402,23 @@ def test_print_leaves_the_controls_out(page):
     assert not any(shown)
 
 
+def test_no_number_leaves_the_paper(page, resize):
+    """Of A4 within its margins, 180 mm or 680 pixels."""
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    resize(680, 900)
+    ends = page.execute_script(
+        """const range = document.createRange(), out = [];
+           for (const cell of document.querySelectorAll('table.interval td.number, #all td')) {
+             range.selectNodeContents(cell);
+             const right = range.getBoundingClientRect().right;
+             if (right > document.documentElement.clientWidth + 1) out.push(cell.textContent);
+           }
+           return out;"""
+    )
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "screen"})
+    assert ends == []
+
+
 def test_marks_of_intervals_are_borders_which_are_printed(page):
     """Browsers leave backgrounds out, and make borders whole pixels."""
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})

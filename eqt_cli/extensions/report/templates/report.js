@@ -341,6 +341,7 @@
     let sorted = { column: null, descending: false }, page = 0, kept = table.rows;
     const head = document.querySelector("#all thead tr");
     const body = document.querySelector("#all tbody");
+    $("all").style.setProperty("--columns", columns.length);
 
     columns.forEach((column, c) => {
       const button = element("button", { type: "button" }, ...typeset(column.name));
