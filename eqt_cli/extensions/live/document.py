@@ -22,7 +22,8 @@ from eqt_cli.base.errors import EqtError, EqtWarning, Problems
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.yaml_source import flow
-from eqt_cli.components.groups import MatrixLieGroup, moving_parts
+from eqt_cli.components.groups import MatrixLieGroup, moving_parts, principal_moments
+from eqt_cli.components.inertia import Inertia
 from eqt_cli.config.document import Document, overridden
 from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Engine
@@ -334,6 +335,7 @@ class LivePage:
             "times": result.times.tolist(),
             "command": shlex.join(self.command),
             "scene": _scene(result, self.study.base.group),
+            "body": _body(self.study, [slider for slider, _ in self.of_keys]),
         }
         worker = (TEMPLATES / "compute.js").read_text(encoding="utf-8")
         laws = summary.laws(result)
@@ -449,6 +451,27 @@ def _expected(tables: Arrays, data: Mapping[str, Any]) -> list[list[str]]:
             counted = f"{settled.sum()}/{len(values)}"
             rows[-1].append(counted if column["counts"] else f"{values.mean():.4g}")
     return rows
+
+
+def _body(study: Study, moved: Sequence[Slider]) -> dict[str, Any] | None:
+    """Return the moments of a rigid body and the keys that move them; None where none does.
+
+    So a page can say of moments that no body has them. Not of products, added mass, or a centre of
+    mass elsewhere.
+    """
+    G, inertia = study.base.group, next(iter(study.base.loops.values())).inertia
+    turning = [part for part in G.parts if part.turns]
+    if study.base.config.rigid is False or len(principal_moments(G, np.eye(G.dimension))) != 1:
+        return None
+    if not isinstance(inertia, Inertia) or inertia.added is not None or inertia.change is not None:
+        return None
+    axes = np.arange(G.dimension)[turning[0].axes]
+    others = np.setdiff1d(np.arange(G.dimension), axes)
+    if inertia.matrix.ndim != 2 or inertia.matrix[np.ix_(axes, others)].any():
+        return None
+    names = {f"inertia{at}": k for k, i in enumerate(axes) for at in (f"[{i}]", f"[{i}][{i}]")}
+    keys = {x.key: names[x.key] for x in moved if x.key in names and not x.unit}
+    return {"matrix": inertia.matrix[np.ix_(axes, axes)].tolist(), "keys": keys} if keys else None
 
 
 def _scene(result: Result, group: MatrixLieGroup) -> dict[str, Any] | None:

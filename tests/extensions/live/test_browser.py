@@ -211,6 +211,14 @@ def test_a_typed_number_between_values_says_which_is_taken(page):
     assert text(page, "#live-sliders .nearest") == f"nearest to 1.2345: {taken:g}"
 
 
+def test_an_inertia_of_no_rigid_body_is_told(page):
+    """2, 1, 3 kg m² are those of a plate, and 1.9, 1, 3 of nothing."""
+    for moment, told in ((1.9, "No rigid body has this inertia"), (2.0, "")):
+        page.execute_script(f"eqtLive.setting['inertia[0]'] = {moment}; eqtLive.moved()")
+        said = page.find_element(By.ID, "live-body").get_property("textContent")
+        assert said.startswith(told) and bool(said) == bool(told)
+
+
 def test_a_link_to_a_setting_shows_what_is_configured_too(browser, pages):
     page = opened(browser, pages("continuous")[1], fragment="#gains.kp=1.6")
     seen = "return document.querySelector('#live-panels path.was').getAttribute('d')"

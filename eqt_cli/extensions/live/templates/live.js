@@ -16,7 +16,7 @@
   const $ = (id) => document.getElementById(`live-${id}`);
   const SVG = "http://www.w3.org/2000/svg";
   /** @type {Omit<Live, "laws" | "columns"> & { laws: Law[], columns: Column[], panels: Column[], times: number[], engine: string,
-   *   command: string, scene: Scene | null }} */
+   *   command: string, scene: Scene | null, body: { matrix: number[][], keys: Record<string, number> } | null }} */
   const data = JSON.parse($("data").textContent);
   const { laws, columns, times, scene } = data;
   const last = times.length - 1,
@@ -279,11 +279,41 @@
       .map((key) => ` --set '${key.key}=${valued(key)}'`)
       .join("");
 
+  /** Shows the command, in words that no browser breaks at a hyphen. */
+  function showCommand() {
+    const span = (/** @type {string} */ word) => {
+      const node = document.createElement("span");
+      node.textContent = word;
+      return node;
+    };
+    const words = commanded().split(" ").map(span);
+    $("command").replaceChildren(...words.flatMap((word, k) => (k ? [" ", word] : [word])));
+  }
+
+  /** Says so where no rigid body has the inertia: tr(J)/2 − J, of squared distances, is not ≥ 0. */
+  function judgeBody() {
+    if (!data.body) return;
+    const J = data.body.matrix.map((row) => [...row]);
+    for (const [key, place] of Object.entries(data.body.keys)) J[place][place] = setting[key];
+    const half = (J[0][0] + J[1][1] + J[2][2]) / 2;
+    const A = J.map((row, i) => row.map((x, j) => ((i === j ? half : 0) - x) / half));
+    const minor = (/** @type {number} */ i, /** @type {number} */ j) => A[i][i] * A[j][j] - A[i][j] * A[j][i];
+    const whole = [0, 1, 2].map((j) => {
+      const [k, l] = [(j + 1) % 3, (j + 2) % 3];
+      return A[0][j] * (A[1][k] * A[2][l] - A[1][l] * A[2][k]);
+    });
+    const minors = [A[0][0], A[1][1], A[2][2], minor(0, 1), minor(0, 2), minor(1, 2), whole[0] + whole[1] + whole[2]];
+    $("body").textContent = minors.every((x) => x >= -1e-9)
+      ? ""
+      : "No rigid body has this inertia: of its principal moments, two together are less than the third.";
+  }
+
   function moved() {
+    judgeBody();
     compute();
     const keys = changed(),
       run = Number($("run").value);
-    $("command").textContent = commanded();
+    showCommand();
     const parts = keys.map((key) => [key.key, String(setting[key.key])]);
     if (run) parts.push(["run", String(run)]);
     $("link").href = `#${new URLSearchParams(parts)}`;
@@ -801,7 +831,8 @@
   $("check").textContent = "Computing the configured runs …";
   if (isSetting()) fromFragment();
   start(new URLSearchParams(location.search).get("fused") !== "no");
-  if (changed().length) $("command").textContent = commanded();
+  if (changed().length) showCommand();
+  judgeBody();
   // For tests and for the curious.
   Object.assign(window, {
     eqtLive: {
