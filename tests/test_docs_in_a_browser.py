@@ -13,7 +13,8 @@ pytestmark = [
 
 PAGES = (
     "index gallery reference/api/index reference/commands experiments/flies "
-    "explanation/glossary explanation/estimates explanation/theory howto/estimate howto/index"
+    "explanation/glossary explanation/certified explanation/estimates explanation/theory "
+    "howto/estimate howto/index"
 ).split()
 
 

@@ -1,4 +1,7 @@
-"""Cells that are numbers, with intervals and units, say so: no browser may break a line in them."""
+"""Cells that are numbers, with intervals and units, say so: no browser may break a line in them.
+
+An empty corner of a table heads nothing, so it is no heading: screen readers would read one.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,9 @@ UNITS = r"(?:[^\W\d_][\w²³⁻¹/·]{0,4} ?){0,3}"
 NUMBER = re.compile(SIGN + DIGITS + UNITS)
 
 
+EMPTY_HEAD = re.compile(r'<th class="head[^"]*"><p></p></th>')
+
+
 class Numbers(SphinxPostTransform):
     """Marks the cells."""
 
@@ -32,7 +38,15 @@ class Numbers(SphinxPostTransform):
                 cell["classes"].append("number")
 
 
+def _no_empty_heads(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any
+) -> None:
+    if body := context.get("body"):
+        context["body"] = EMPTY_HEAD.sub('<td class="head"></td>', body)
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the transform."""
     app.add_post_transform(Numbers)
+    app.connect("html-page-context", _no_empty_heads)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
