@@ -1,13 +1,16 @@
 """How far the searches of `eqt tune` end from the best gains, and whether its verdicts hold.
 
     python -m benchmarks.searches misses --laws gt,eqt --tasks late --samples 3
+    python -m benchmarks.searches misses --dense --laws gt,eqt --samples 1
     python -m benchmarks.searches same --plain --count 200
     python -m benchmarks.searches ratio --plain --count 100 --top 2.55
     python -m benchmarks.searches ratio --plain --count 100 --feedforward 0.48
 
 `misses` compares the archive of `eqt suite` with the least error that any of its own searches finds
 on the same training runs, at an effort of at most 1.001 of the bound: a search from other first
-points, one that goes on from both best points, and a dense cloud about the best of all. `same`
+points, one that goes on from both best points, and a dense cloud about the best of all. By
+`--dense`, a grid of two numbers, or a thousand points of three, are tried besides, and the cells of
+its best points. `same`
 tunes two copies of one law, whose ranges differ by 7 and 13 %, so that they try other points.
 `ratio` does it for a law whose range of kp ends earlier, or whose feedforward is too small, so that
 its error is 3 % larger in the mean over training samples. By `--plain`, a plain program flies the
@@ -26,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 import eqt_cli
@@ -47,6 +51,9 @@ OTHER = 11
 
 BUDGET, MORE, CLOUD, WIDTH = 80, 40, 48, 0.04
 """Points of an own search, of one that goes on, of the cloud, and half the width of the cloud."""
+
+GRID, NET, VALLEYS, NEAR = 31, 1024, 6, 0.1
+"""Points of a grid along each of two axes, of a net of more, cells searched, and least distance."""
 
 
 class Runs:
@@ -85,8 +92,38 @@ class Runs:
         costs = np.where(keeps & np.isfinite(tried.costs), tried.costs, np.inf)
         return float(costs.min()), tried.shares[costs.argmin()]
 
+    def valleys(self, sample: int) -> Array:
+        """Return the best points, none near another, of all that keep the bound within 5 %."""
+        tried = self.tried[sample]
+        close = (tried.excess(self.search.bounds) <= 0.05).all(axis=1) & (tried.lost == 0)
+        found: list[Array] = []
+        for index in np.argsort(np.where(close, tried.costs, np.inf)):
+            point = tried.shares[index]
+            if close[index] and all(abs(point - other).max() > NEAR for other in found):
+                found.append(point)
+            if len(found) == VALLEYS:
+                break
+        return np.array(found)
 
-def misses(laws: list[str], names: list[str], samples: int) -> Iterable[dict[str, Any]]:
+    def search_densely(self, axes: int) -> None:
+        """Try a grid or a net of all gains, and a finer one about its best points."""
+        if axes == 2:
+            along = np.linspace(0, 1, GRID)
+            points = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+            fine, half = np.linspace(-1, 1, 9), 1 / (GRID - 1)
+        else:
+            points = qmc.Sobol(axes, scramble=False).random(NET)
+            fine, half = np.linspace(-1, 1, 5), 0.5 * NET ** (-1 / axes)
+        self.at(dict.fromkeys(self.keys, points))
+        for shrunk in (half, half / len(fine)):
+            box = shrunk * np.stack(np.meshgrid(*axes * [fine]), axis=-1).reshape(-1, axes)
+            cells = {s: (self.valleys(s)[:, None] + box).reshape(-1, axes) for s in self.keys}
+            self.at({sample: np.clip(cell, 0, 1) for sample, cell in cells.items()})
+
+
+def misses(
+    laws: list[str], names: list[str], samples: int, dense: bool
+) -> Iterable[dict[str, Any]]:
     """Yield how far the archived gains of a law on a task are from the best ones, in percent."""
     archive, tasks, shipped = shipped_archive(), all_tasks(), shipped_laws()
     for name in names or tasks:
@@ -106,6 +143,8 @@ def misses(laws: list[str], names: list[str], samples: int) -> Iterable[dict[str
             for s, one in own.items():
                 points = np.array([*archived.values(), *there])
                 best[s] = runs.driven({s: one.exchanged(points, MORE)})[s]
+            if dense:
+                runs.search_densely(axes)
             cloud = 2 * first_points(axes + 1, 10**6, 3)[:, :axes] - 1
             cloud = np.concatenate([cloud, cloud / 4, -cloud])[:CLOUD]
             around = {s: np.clip(runs.least(s)[1] + WIDTH * cloud, 0, 1) for s in runs.keys}
@@ -191,6 +230,7 @@ def main() -> None:
     parser.add_argument("--laws", default="")
     parser.add_argument("--tasks", default="")
     parser.add_argument("--samples", type=int, default=5)
+    parser.add_argument("--dense", action="store_true", help="misses: by a grid, too")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--top", type=float, help="end of the range of kp of the second law")
@@ -200,7 +240,7 @@ def main() -> None:
     laws, tasks = ([x for x in text.split(",") if x] for text in (chosen.laws, chosen.tasks))
     with threadpool_limits(1):
         if chosen.what == "misses":
-            records = misses(laws, tasks, chosen.samples)
+            records = misses(laws, tasks, chosen.samples, chosen.dense)
         else:
             top = chosen.top if chosen.what == "ratio" else None
             scales = (1.07, 1.13) if chosen.what == "same" else (1.0, 1.0)
