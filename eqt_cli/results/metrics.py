@@ -305,11 +305,7 @@ METRICS = (
         "final_attitude_error", "attitude_angle", "the attitude error", label="final attitude error"
     ),
     _peak(
-        "peak_attitude_error",
-        "attitude_angle",
-        "attitude error",
-        label="largest attitude error",
-        stored=False,
+        "peak_attitude_error", "attitude_angle", "attitude error", label="largest attitude error"
     ),
     _mean("mean_position_error", "position_error", "||p - pd||"),
     _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,), role="error", rank=1),

@@ -32,6 +32,7 @@ VARIABLES = {
     "mean_pose_error": (RUN, "1"),
     "final_pose_error": (RUN, "1"),
     "mean_attitude_error": (RUN, "deg"),
+    "peak_attitude_error": (RUN, "deg"),
     "final_attitude_error": (RUN, "deg"),
     "final_velocity_error": (RUN, "rad/s"),
     "settling_time": (RUN, "s"),
