@@ -18,6 +18,7 @@ def error_budget(
     error: str = "",
     window: str = "",
     shares: Sequence[float] = SHARES,
+    total: bool = False,
     workers: int = 1,
 ) -> Budget:
     """Return what each imperfection of an experiment costs, alone and with the others.
@@ -33,6 +34,8 @@ def error_budget(
         ``START:STOP`` in s. Default: that of `measure`, or the whole horizon.
     shares
         Quantiles to tell, such as 0.997.
+    total
+        Whether the whole loop alone is computed, without what each source costs.
     workers
         Number of processes.
 
@@ -56,4 +59,4 @@ def error_budget(
     base = load_experiment(config, overrides)
     executor = choose_executor(base, workers, "auto", {})
     over = Window.parse(window) if window else None
-    return budget(base, executor, error=error, window=over, shares=shares)
+    return budget(base, executor, error=error, window=over, shares=shares, total=total)

@@ -111,7 +111,8 @@ class LawBudget:
     peak
         The largest error of all runs.
     rows
-        What stays without imperfections, then the sources, the most expensive first.
+        What stays without imperfections, then the sources, the most expensive first; empty where
+        the whole loop alone was computed.
     quantiles
         Of the error with all imperfections.
     """
@@ -392,22 +393,25 @@ def _law_budget(
     errors: Array,
     shares: Sequence[float],
     failed: int,
+    whole_only: bool,
 ) -> LawBudget:
     """Return the budget of a law from mean squares of each run, by variant."""
-    whole, silent = squares[ALL, ""], squares[SILENT, ""]
-    rows = [
-        Row(
-            source,
-            rooted_mean(squares["alone", source.key] - silent),
-            rooted_mean(whole - squares["beside", source.key]),
-        )
-        for source in sources
-    ]
-    rows.sort(key=lambda row: -row.alone.value)
-    stays = list(_stays(squares))
+    whole, rows = squares[ALL, ""], list[Row]()
+    if not whole_only:
+        silent = squares[SILENT, ""]
+        rows = [
+            Row(
+                source,
+                rooted_mean(squares["alone", source.key] - silent),
+                rooted_mean(whole - squares["beside", source.key]),
+            )
+            for source in sources
+        ]
+        rows.sort(key=lambda row: -row.alone.value)
+        rows = [*_stays(squares), *rows]
     total, peak = rooted_mean(whole, 0.0), float(errors.max())
     quantiles = quantiles_of(errors, shares)
-    return LawBudget(label, title, len(whole), failed, total, peak, stays + rows, quantiles)
+    return LawBudget(label, title, len(whole), failed, total, peak, rows, quantiles)
 
 
 def _stays(squares: dict[tuple[str, str], Array]) -> Iterator[Row]:
@@ -473,6 +477,7 @@ def budget(
     error: str = "",
     window: Window | None = None,
     shares: Sequence[float] = SHARES,
+    total: bool = False,
 ) -> Budget:
     """Return the error budget of an experiment.
 
@@ -486,6 +491,8 @@ def budget(
         The window of time. Default: that of `measure`, or the whole horizon.
     shares
         Quantiles of the whole error to tell.
+    total
+        Whether the whole loop alone is computed, without what each source costs.
 
     Raises
     ------
@@ -507,7 +514,7 @@ def budget(
     document = changed_at(document, ("store", "decimate"), 1, place)
     base = study(document)
     sources = list(sources_of(base.base.loop))
-    if not sources:
+    if not (sources or total):
         raise EqtError(
             f"{base.name}: has no imperfection to switch off: no noise, force, limit, delay or "
             "other inertia"
@@ -521,7 +528,7 @@ def budget(
             f"window {window} holds {inside.sum()} samples, expected at least 2; the runs last "
             f"{times[-1]:g} s, with a sample every {times[1]:g} s"
         )
-    variants = list(variants_of(base, sources))
+    variants = [(ALL, "")] if total else list(variants_of(base, sources))
     keys = frozenset(source.key for source in sources)
     distinct = {_switched_off(variant, keys): variant for variant in variants}
     status, errors = _computed(_Variants(base, tuple(distinct.values()), error), executor)
@@ -540,7 +547,7 @@ def budget(
         squares = dict(zip(variants, means, strict=True))
         whole = of_law[variants.index((ALL, ""))]
         failed = int(runs - good[k].sum())
-        laws.append(_law_budget(label, title, sources, squares, whole, shares, failed))
+        laws.append(_law_budget(label, title, sources, squares, whole, shares, failed, total))
     signal = signal_of(error)
     assert signal
     return Budget(base.name, error, signal.unit, window, laws, noted)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import options, output, run
 from eqt_cli.cli.compare import TableFormat
 from eqt_cli.cli.output import be_quiet
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.budget.tables import BudgetInWords
 
 
 def budget(
@@ -17,6 +20,7 @@ def budget(
     error: Annotated[str, options.option("--error")] = "",
     window: Annotated[str, options.option("--window")] = "",
     quantile: Annotated[list[float] | None, options.option("--quantile")] = None,
+    total: Annotated[bool, options.option("--total")] = False,
     point: options.Point = None,
     set_: options.Set = None,
     engine: options.Engine = None,
@@ -41,6 +45,7 @@ def budget(
         --window START:STOP  Times over which errors count, s; 20: leaves out the first 20 s.
             Default: `measure` of the configuration, or the whole time.
         --quantile P  A quantile of the whole error, such as 0.997. Repeatable.
+        --total  Compute the whole loop only, with its quantiles, and not what each source costs.
     Result
         --figure FILE  Draw the sources in a pdf, svg or png.
         --format NAME  text, csv or latex.
@@ -55,6 +60,8 @@ def budget(
 
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document; leave --format out")
+    if total and (figure or format is not TableFormat.TEXT):
+        raise EqtError("--figure, csv and latex are of the sources, which --total leaves out")
     shares = _shares(quantile or SHARES)
     if figure:
         from eqt_cli.figures.render import format_of
@@ -65,7 +72,7 @@ def budget(
     study = options.study_at(document, point, "computed without")
     setup = options.Setup(engine=engine, workers=workers, executor=executor)
     chosen = run.executor_from(study, setup)
-    answer = budget_of(study, chosen, error=error, window=over, shares=shares)
+    answer = budget_of(study, chosen, error=error, window=over, shares=shares, total=total)
     say = BudgetInWords(answer)
     if figure:
         from eqt_cli.extensions.budget.figures import draw
@@ -81,10 +88,17 @@ def budget(
     elif quiet:
         output.print_verbatim("\n".join(line for law in answer.laws for line in say.answer(law)))
     else:
-        for number, law in enumerate(answer.laws):
-            blank = [""] if number else []
-            sources, quantiles = map(output.laid_out, (say.sources(law), say.quantiles(law)))
-            output.print_text(*blank, *say.answer(law), "", sources, "", quantiles)
+        _print(say)
+
+
+def _print(say: BudgetInWords) -> None:
+    """Print the answer on each law with its sources, then the quantiles of all."""
+    for law in say.budget.laws:
+        output.print_text(*say.answer(law))
+        if law.rows:
+            output.print_text("", output.laid_out(say.sources(law)))
+        output.print_text("")
+    output.print_text(output.laid_out(say.quantiles()))
 
 
 def _shares(wished: Sequence[float]) -> tuple[float, ...]:

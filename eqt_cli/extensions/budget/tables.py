@@ -54,6 +54,8 @@ class BudgetInWords:
             f"{over_window(budget.window)}, {count_of(law.runs, 'run')}"
             + (f" ({law.failed} left out, which fail in some variant)" if law.failed else "")
         )
+        if not law.rows:
+            return
         first = max(law.rows, key=lambda row: row.alone.value)
         share = (first.alone.value / law.total.value) ** 2
         where = f" ({first.source.key})" if first.source.key else ""
@@ -92,24 +94,29 @@ class BudgetInWords:
         shares = _share(row.alone.value, total)
         return [row.source.words, row.source.key, self.interval(row.alone), beside, shares]
 
-    def quantiles(self, law: LawBudget) -> TextTable:
-        """Return the table of the quantiles of a law."""
-        rows = [
-            [
-                f"{100 * quantile.share:g} %",
-                self.interval(quantile.mixed),
-                self.interval(quantile.ensemble),
-                self.interval(quantile.temporal),
-                self.number(quantile.worst),
-            ]
-            for quantile in law.quantiles
+    def quantiles(self) -> TextTable:
+        """Return the table of the quantiles of all laws."""
+        blocks = [
+            Block(
+                f"{law.title}: largest {self.number(law.peak)}",
+                [
+                    [
+                        f"{100 * quantile.share:g} %",
+                        self.interval(quantile.mixed),
+                        self.interval(quantile.ensemble),
+                        self.interval(quantile.temporal),
+                        self.number(quantile.worst),
+                    ]
+                    for quantile in law.quantiles
+                ],
+            )
+            for law in self.budget.laws
         ]
         return TextTable(
             "quantiles",
-            f"Quantiles of the {WORDS[self.budget.error]} of {law.title}, {self.unit}; "
-            f"largest {self.number(law.peak)}",
+            f"Quantiles of the {WORDS[self.budget.error]}, {self.unit}",
             ["quantile", "mixed", "ensemble", "temporal", "temporal, worst run"],
-            [Block("", rows)],
+            blocks,
             [
                 "mixed: of all runs and times (ECSS-E-ST-60-10C)",
                 "ensemble: of runs, by the largest error of each",
