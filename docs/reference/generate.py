@@ -246,6 +246,7 @@ SECTIONS = {
     "Runs": "initial ensemble time solver store",
     "Sweeps, searches and sliders": "sweep tune worst live",
     "Metrics": "measure settling_threshold failed_when early_window closing_window metrics",
+    "Requirements": "windows require",
     "Plugins": "plugins",
 }
 """The keys of a configuration in the order of its page; a new key needs a section."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -103,12 +103,12 @@ def compare(
         require_list(name, names)
     if other is None and (fail_on is not None or law or same):
         raise EqtError("fail_on, law and same compare two results; give other, too")
-    over, how = _windows(windows), Resampling(confidence, resamples, seed, sequential)
-    compared = partial(
-        compare_results, metrics=metrics, windows=over, how=how, negligible=negligible
-    )
+    how = Resampling(confidence, resamples, seed, sequential)
     with open_at(path_from("result", result), point) as opened:
-        before = opened.in_units(units)
+        before, over = opened.in_units(units), _windows(windows, opened.config.get("windows") or {})
+        compared = partial(
+            compare_results, metrics=metrics, windows=over, how=how, negligible=negligible
+        )
         if other is None:
             chosen = chosen_labels(before, controllers, without_start=without_start)
             return compared(before, labels=chosen)
@@ -125,13 +125,20 @@ def compare(
             return replace(both, gate=gate(both, pairs)) if gate else both
 
 
-def _windows(windows: Sequence[str | Window]) -> list[Window]:
+def _windows(windows: Sequence[str | Window], named: Mapping[str, Any]) -> list[Window]:
+    """Return windows, some of which may be named in the configuration of a result."""
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     for window in windows:
         if not isinstance(window, str | Window):
             raise EqtError(f"windows: expected text such as '0:5', or a Window, got {window!r}")
-    return [Window.parse(window) if isinstance(window, str) else window for window in windows]
+    texts = {
+        name: f"{ends.get('start') or 0}:{ends.get('stop') or ''}" for name, ends in named.items()
+    }
+    return [
+        Window.parse(texts.get(window, window)) if isinstance(window, str) else window
+        for window in windows
+    ]
 
 
 def _counterparts(

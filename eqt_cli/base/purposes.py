@@ -181,6 +181,11 @@ def conclusion_of_a_result(result: core.Result) -> core.Conclusion | None:
 
 
 @every
+def answers_of_a_result(result: core.Result) -> tuple[dict[str, Any], list[core.TextTable]] | None:
+    """Return an answer for programs, and tables that stand before all others; `show`, `compare`."""
+
+
+@every
 def answer_of_compare(
     result: core.Result, how: core.Resampling, write: core.Plain, metrics: Names, laws: Names
 ) -> tuple[dict[str, Any], list[dict[str, Any]], list[core.TextTable]] | None:

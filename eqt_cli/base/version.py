@@ -14,6 +14,9 @@ VERSIONS = ("eqt", "python", "numpy", "scipy")
 OTHERS = "other_sessions"
 """Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
 
+GROWN_FROM = "grown_from"
+"""Entry for numbers of runs that a result had before it grew."""
+
 
 def differences(other: Mapping[str, Any], origin: Mapping[str, Any]) -> str:
     """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -31,6 +32,9 @@ Undecided = StrEnum("Undecided", "FAIL PASS")
 """Formats of printed tables, the tables, rows of that of means, and what a gate does where the
 outcome is not shown: words in lower case."""
 
+REQUIREMENTS = "requirements"
+"""The rule of a gate that the requirements of a result are met."""
+
 _NEEDS = {
     TableName.WINNERS: "a whole sweep; this is a single experiment",
     TableName.POINTS: "a whole sweep; this is a single experiment",
@@ -49,13 +53,35 @@ class Gate:
 
     def arguments(self, other: Path | None) -> dict[str, Any]:
         """Return the arguments of `api.compare`."""
-        if other is None and any((self.fail_on, self.law, self.same)):
-            raise EqtError("--fail-on, --law and --same compare two results; name OTHER, too")
+        rules = [rule for rule in self.fail_on or () if rule.strip() != REQUIREMENTS]
+        if other is None and any((rules, self.law, self.same)):
+            raise EqtError(
+                "--fail-on, --law and --same compare two results; name OTHER, too (one result may "
+                "have `--fail-on requirements`)"
+            )
         if self.undecided is Undecided.PASS and not self.fail_on:
             raise EqtError("--undecided pass applies to --fail-on; add a rule")
         same = [name.strip() for name in (self.same or "").split(",") if name.strip()]
         laws = options.pairs("--law", self.law, "NEW=OLD")
-        return {"other": other, "fail_on": self.fail_on, "law": laws, "same": same}
+        return {"other": other, "fail_on": rules or None, "law": laws, "same": same}
+
+    def required(self, records: Sequence[Mapping[str, Any]]) -> tuple[bool, list[str]]:
+        """Return whether a result passes by its requirements, and the line that says so.
+
+        Raises
+        ------
+        EqtError
+            If it has none.
+        """
+        if REQUIREMENTS not in [rule.strip() for rule in self.fail_on or ()]:
+            return True, []
+        if not records:
+            raise EqtError("--fail-on requirements: the result has none; add `require` and run it")
+        broken = ("fails", *(["not shown"] if self.undecided is Undecided.FAIL else []))
+        passes = all(record["verdict"] not in broken for record in records)
+        counts = Counter(str(record["verdict"]) for record in records)
+        said = ", ".join(f"{count} of {len(records)} {word}" for word, count in counts.items())
+        return passes, [f"{'passes' if passes else 'FAILS'}  requirements: {said}", ""]
 
 
 def compare(
@@ -126,7 +152,8 @@ def compare(
         --list  List the metrics of this result.
     Two results
         --fail-on RULE  What must not be: 'effort worse by 5 %', 'settled worse by 2 points', worse
-            (by the words of the comparison); failed, which is always tested. Repeatable.
+            (by the words of the comparison); failed, which is always tested. Repeatable. Of
+            one result: requirements, those of its `require`.
         --undecided WORD  fail or pass, where a rule is not shown to hold.
         --law NEW=OLD  The law of the first result with which a law of the second is compared.
             Repeatable.
@@ -148,6 +175,7 @@ def compare(
     """
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.api.loading import open_at
+    from eqt_cli.results.conclusion import answers_of
     from eqt_cli.results.quantity import Latex, Plain
 
     of_two = gate.arguments(other)
@@ -200,6 +228,15 @@ def compare(
     with ExitStack() as opened:
         both = [opened.enter_context(open_at(path)) for path in (result, other) if path]
         remarked = output.remarked(*both)
+        document, answers = answers_of(both[-1] if point is None else both[-1].point(point))
+    passes, gated = gate.required(document.get(REQUIREMENTS, ()))
+    is_plain = table is None and format is TableFormat.TEXT
+    shown = shown._replace(
+        document={**document, **shown.document},
+        tables=[*(answers if is_plain and not pooled else ()), *shown.tables],
+        gate=[*gated, *shown.gate],
+        passes=passes and shown.passes,
+    )
     with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
         _print(shown, result, format, json, columns, remarked)
     if not shown.passes:

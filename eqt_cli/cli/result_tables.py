@@ -18,6 +18,7 @@ from eqt_cli.base.reporting import Block, TextTable, listed, percent, significan
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
 from eqt_cli.results import summary
+from eqt_cli.results.conclusion import answers_of
 from eqt_cli.results.result import Result, mean_over_runs, window_of
 from eqt_cli.results.timing import timing_lines
 
@@ -55,6 +56,8 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     The result is read before anything is printed, so that a damaged file leaves no partial output.
     """
     lines: list[str | Text] = [*heading]
+    for answer in answers_of(result)[1]:
+        lines += [output.laid_out(answer), ""]
     rows = summary.headline(result)
     if result.is_sweep:  # no table over all points, since that means little
         from eqt_cli.analysis.maps import sweep_tables
@@ -85,8 +88,9 @@ def outcome_record(result: Result) -> dict[str, Any]:
     """Return the outcome for programs: each law's headline, or the points that it wins."""
     from eqt_cli.analysis.maps import winners
 
+    about = {"window": str(window_of(result)), **answers_of(result)[0]}
     if not result.is_sweep:
-        return {"window": str(window_of(result)), "controllers": summary.headline(result)}
+        return about | {"controllers": summary.headline(result)}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
@@ -94,7 +98,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
         }
         for winner_map in winners(result)
     }
-    return {"window": str(window_of(result)), "points_won": won}
+    return about | {"points_won": won}
 
 
 def _headline(result: Result, laws: list[dict[str, Any]]) -> Text:

@@ -155,7 +155,7 @@ def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
 def _summary(results: Result, json: bool) -> None:
     from eqt_cli.base.version import OTHERS, VERSIONS, differences
     from eqt_cli.cli.result_tables import outcome_record, print_outcome
-    from eqt_cli.results.conclusion import conclusion_of
+    from eqt_cli.results.conclusion import answers_of, conclusion_of
 
     if json:
         document = {
@@ -189,6 +189,7 @@ def _summary(results: Result, json: bool) -> None:
         *([f"loop     {path}", ""] if path else [""]),
     ]
     if shown := [output.laid_out(table) for table in conclusion_of(results).tables()]:
+        shown = [*map(output.laid_out, answers_of(results)[1]), *shown]
         output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
     else:
         print_outcome(results, heading)

@@ -76,6 +76,18 @@ def conclusion_of(result: Result) -> Conclusion:
     return next(filter(None, (conclude(result) for conclude in functions)), Conclusion())
 
 
+def answers_of(result: Result) -> tuple[dict[str, Any], list[TextTable]]:
+    """Return what extensions answer about a result, for programs, and the tables that stand first.
+
+    Extensions have functions for the purpose ``answers of a result``, such as on requirements.
+    """
+    document, tables = dict[str, Any](), list[TextTable]()
+    for answer in functions_for(purposes.answers_of_a_result, result.path.parent):
+        if (both := answer(result)) is not None:
+            document, tables = document | both[0], tables + both[1]
+    return document, tables
+
+
 def side_by_side(result: Result) -> Sequence[str]:
     """Return the labels of the two laws that a figure of cases compares.
 

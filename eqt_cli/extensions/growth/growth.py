@@ -24,7 +24,7 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly
 from eqt_cli.base.stored import LAW_OUTPUT, POINT
-from eqt_cli.base.version import OTHERS, differences, together
+from eqt_cli.base.version import GROWN_FROM, OTHERS, differences, together
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import digest_of
 from eqt_cli.config.parts import StudyPart
@@ -480,6 +480,8 @@ def _completed(
     place.mkdir(exist_ok=True)
     task = PartTask(wanted, PartFiles(place), tuple(chosen))
     session.note_earlier(manifest)
+    before = {source.runs for source in growth.sources} - {wanted.base.config.ensemble.runs}
+    session.origin[GROWN_FROM] = sorted({*session.origin.get(GROWN_FROM, ()), *before})
     held = session.plan.total - sum(growth.lacks(index, part) for index, part in chosen)
     if is_shared(wanted.base.engine) and not drops:
         reporter().remark(

@@ -23,7 +23,7 @@ from eqt_cli.extensions.report import summary
 from eqt_cli.extensions.report.opening import extremes, opening, points_won
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
-from eqt_cli.results.conclusion import conclusion_of, side_by_side
+from eqt_cli.results.conclusion import answers_of, conclusion_of, side_by_side
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 
@@ -383,6 +383,7 @@ def report(
         remarks=remarks,
         unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
+        answers=answers_of(result)[1],
         search=concluded.id and vars(concluded) | {"tables": searched},
         **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}) | {"live": live},
     )
