@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check notebooks sheets suite suite-again test test-core test-all test-lowest alone tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check notebooks sheets suite suite-again validate test test-core test-all test-lowest alone tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -105,6 +105,9 @@ BEFORE ?= 7cbc8f6^
 # Some parts only: make bench ARGS='--part commands --part profile --many 10000'
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
+
+validate: $(VENV)/.stamp-base ## repeat the studies of public flights, DATA=folder of their repositories: half an hour
+	$(BIN)/python -m benchmarks.flights '$(DATA)' $(ARGS)
 
 check: $(VENV)/.stamp-lint ## format, lint, types, import layering, names, scripts of pages, subjects of commits
 	$(BIN)/ruff format --check .

@@ -13,6 +13,9 @@ def register(extension: Extension) -> None:
     extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="compare")
     of_fit = f"{of_replay} --over plant.inertia"
     extension.add_command("fit", "commands.fit", COMPUTE, of_fit, after="replay")
+    extension.add_command(
+        "validate", "commands.validate", COMPUTE, "flights.csv --model model.yaml", after="fit"
+    )
     extension.add_function(purposes.commands_of_log, "commands.add_to")
     extension.add_function(purposes.plot_measured, "api.read_measured")
     extension.add_function(purposes.compare_measured, "api.compare_measured")

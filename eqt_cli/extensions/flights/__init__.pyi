@@ -3,3 +3,4 @@ from eqt_cli.extensions.flights.api import compare_measured as compare_measured
 from eqt_cli.extensions.flights.api import fit as fit
 from eqt_cli.extensions.flights.api import plan_flights as plan_flights
 from eqt_cli.extensions.flights.api import replay as replay
+from eqt_cli.extensions.flights.confrontation import validate as validate

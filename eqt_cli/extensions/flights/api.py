@@ -21,7 +21,7 @@ from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
-from eqt_cli.extensions.flights import flights, plant_fit, prediction
+from eqt_cli.extensions.flights import flights, plant_fit, prediction, validation
 from eqt_cli.extensions.flights.joined import recordings_of_a_list
 from eqt_cli.extensions.flights.judging import Design
 from eqt_cli.extensions.flights.looks import kept_looks
@@ -411,6 +411,7 @@ def fit(
     check_folder(folder)
     fitted = plant_fit.fit(base, over, cut, plant, delay)
     written = write_fitted(fitted, folder)
+    validation.note_fitted_on(folder, path_from("measured", measured), mapping)
     return replace(fitted, config=written, notes=(*fitted.notes, *_notes(base, cut)))
 
 

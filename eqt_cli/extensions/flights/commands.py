@@ -128,6 +128,80 @@ def fit(
     print_findings(findings, numbers, "", residuals, "", str(fitted.config), json=model.json)
 
 
+@dataclass(frozen=True)
+class Confronted:
+    """What is compared, and to which flights the model is fitted first."""
+
+    metric: Annotated[str | None, options.option("--metric", names=QUANTITIES)] = None
+    lap: Annotated[float | None, options.option("--lap", min=0.0)] = None
+    least: Annotated[float, options.option("--least", min=0.0)] = 0.05
+    over: Annotated[str | None, options.option("--over")] = None
+    hold_out: Annotated[
+        str, options.option("--hold-out", names=("setting", "law", "condition", "day"))
+    ] = "setting"
+    predictions: Annotated[Path | None, options.option("--predictions")] = None
+    mapping: options.Mapping = None
+
+
+def validate(
+    flights: Annotated[Path, typer.Argument(metavar="FLIGHTS", help="A list of flights.")],
+    of_model: Annotated[Path, options.option("--model")],
+    what: Confronted,
+    model: Model,
+) -> None:
+    """Confront predictions of a model with flights, and with rules that need no simulation.
+
+    Each flight is flown again in simulation: its law, along its own setpoints, from its own start.
+    The answer is which share of pairs of settings both order likewise, and whether that is more
+    than the best rule gives.
+
+    Options
+    -------
+    Experiment
+        --model FILE  Configuration of the vehicle, with the laws of the list by their labels.
+        --metric NAME  position or attitude. Default: the first that flights have.
+        --lap S  Time of a lap, s; the first is left out. Default: after which setpoints repeat.
+        --least X  Least predicted difference of two settings, as a share.
+        --over KEYS  Parameters of the plant that are fitted to other flights, as in eqt fit.
+        --hold-out NAME  What these others do not have: setting, law, condition or day.
+        --predictions FILE  Write the predictions and stop, before you look at the errors; if the
+            file is there, compare, and refuse other predictions.
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+    Result
+        --out DIR  Folder for validation.json, which the key validation of a configuration names.
+    """
+    from eqt_cli import api
+    from eqt_cli.base.option_types import plain_data
+    from eqt_cli.extensions.flights.validation import tables
+
+    keys = [key.strip() for key in (what.over or "").split(",") if key.strip()]
+    how = {**vars(what), "over": keys, "out": model.out}
+    outcome = api.validate(flights, model.document(of_model), **how)
+    if outcome is None:
+        print_findings(
+            {"predictions": str(what.predictions)},
+            "predictions written, nothing "
+            f"compared: keep {what.predictions}, and run the command again",
+            json=model.json,
+        )
+        return
+    blank = [""] if outcome.agreement.notes or outcome.notes else []
+    nulls, groups = map(laid_out, tables(outcome))
+    pieces: Any = (
+        outcome.headline,
+        "",
+        nulls,
+        "",
+        groups,
+        *blank,
+        *outcome.agreement.notes,
+        *outcome.notes,
+    )
+    print_findings(plain_data(outcome.document), *pieces, json=model.json)
+    if model.out is not None:
+        say(f"statement in {model.out}/validation.json, for the key validation of a configuration")
+
+
 # `eqt log compare` -------------------------------------------------------------------------------
 
 

@@ -260,6 +260,7 @@ def log_errors(
     begin: float | str = -np.inf,
     end: float | str = np.inf,
     disarmed: bool = False,
+    delays: bool = True,
     out: str | os.PathLike[str] | None = None,
 ) -> TrackingErrors:
     """Measure how far a recorded vehicle was from its setpoints, or from a second recording.
@@ -295,6 +296,8 @@ def log_errors(
         counts from the first row of `path`.
     disarmed
         Whether times while disarmed count, too.
+    delays
+        Whether delays are estimated, which takes most of the time.
     out
         Output folder for the figure ``errors``, and a CSV of each quantity. Default: no files.
 
@@ -365,7 +368,8 @@ def log_errors(
         remarks += [f"{q}: left out, as both are {columns}" for q, columns in shared.items()]
     begins = [t for series in actual.values() for t in series.times[:1]]
     span = [_instant(*bound, begins) for bound in (("begin", begin), ("end", end))]
-    errors = logs.tracking_errors(f"{path}", actual, wanted, spans, association, align, parts, span)
+    compared: Any = spans, association, align, parts, span, delays
+    errors = logs.tracking_errors(f"{path}", actual, wanted, *compared)
     errors = errors._replace(flight=flight, remarks=(*errors.remarks, *remarks))
     if out is not None:
         from eqt_cli.extensions.logs.figures import save_errors  # slow to import

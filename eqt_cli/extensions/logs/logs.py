@@ -740,8 +740,11 @@ def tracking_errors(
     align: str | None = None,
     relative: tuple[float, str] | None = None,
     window: Sequence[float] = (-np.inf, np.inf),
+    delays: bool = True,
 ) -> TrackingErrors:
     """Compare known series with wanted ones, at the instants of the rougher ones in a window.
+
+    Without `delays`, none is estimated, which takes most of the time.
 
     Raises
     ------
@@ -778,7 +781,7 @@ def tracking_errors(
     sizes: list[ErrorSize] = []
     body = dict(zip(["position"], attitudes(), strict=False))
     for q, (_, errors) in curves.items():
-        sizes += _sizes(q, errors, None if relative else pair(q), body.get(q))
+        sizes += _sizes(q, errors, pair(q) if delays and not relative else None, body.get(q))
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{actual[q].topic} − {wanted[q].topic}" for q in curves}
