@@ -1,0 +1,1 @@
+"""Predictions of public flights, written before they were compared with them."""
