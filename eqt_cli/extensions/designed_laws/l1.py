@@ -64,14 +64,17 @@ class L1(Rejecting):
 
     def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return C σ̂, P̂, and the states of the filter."""
-        measured = self.framed(s, s.P)
-        P = where(is_first, measured, s.memory["momentum"] + period * self.framed(s, actuated))
-        error, decay = P - measured, exp(-self.a * period)
-        sigma = -self.a * decay / (1.0 - decay) * error
+        measured, estimate = self.framed(s, s.P), s.memory[DISTURBANCE]
+        fall = exp(-self.a * period)
+        begun = measured - (1.0 - fall) / (self.a * fall) * estimate
+        P = where(is_first, begun, s.memory["momentum"] + period * self.framed(s, actuated))
+        error = P - measured
+        sigma = -self.a * fall / (1.0 - fall) * error
         states = {"momentum": P + period * (self.unforced(s) + sigma - self.a * error)}
-        before, cutoff = s.memory[DISTURBANCE], self.cutoff
+        before, cutoff = estimate, self.cutoff
         if self.second_cutoff is not None:
-            sigma = _filtered(cutoff, period, s.memory["first_filter"], sigma)
+            last = where(is_first, estimate, s.memory["first_filter"])
+            sigma = _filtered(cutoff, period, last, sigma)
             states["first_filter"], cutoff = sigma, self.second_cutoff
         return _filtered(cutoff, period, before, sigma), states
 

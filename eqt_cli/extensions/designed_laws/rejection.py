@@ -85,7 +85,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
     Around a `cascade`, δ̂ acts in both loops, as known forces do: its torque, body frame, in that of
     the attitude law, and its force, in space, in F, so that it tilts the body. There δ̂ is 0 at the
-    start, and the forces of the model are none of it. Rates of R_c take it as constant.
+    start, and the forces of the model are none of it. Rates of R_c take it as constant. Where the
+    attitude law commands rates, the force alone is estimated: nothing is added to the rates.
 
     Attributes
     ----------
@@ -96,6 +97,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         `lag` or the `time_constant` of thrusters, of two the longer one, else 0.
     lateral
         Of a cascade, whether all of the estimated force acts, or only what the push can give.
+    estimate
+        Of a cascade, δ̂ at the start: the torque, N m, and the force in space, N. Default: 0.
     believed
         The lag T_a along each axis, s; None for 0.
     """
@@ -117,6 +120,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         default=None, kw_only=True
     )
     lateral: bool = field(default=True, kw_only=True)
+    estimate: list[Real] | None = field(default=None, kw_only=True)
     around: Any = field(default=None, init=False, repr=False)  # the law that it is around
     acting: Any = field(default=(), init=False, repr=False)
     known_forces: Any = field(default=(), init=False, repr=False)  # tuple of forces
@@ -138,6 +142,12 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             problems.at("law").add(f"{said}, got {law.name}")
         elif law is not None and not (self.lateral or isinstance(law, laws.OuterLoop)):
             problems.at("lateral").add(f"applies to a cascade only, got law: {law.name}")
+        elif law is not None and self.estimate is not None:
+            if not isinstance(law, laws.OuterLoop):
+                problems.at("estimate").add(f"applies to a cascade only, got law: {law.name}")
+            elif len(self.estimate) != G.dimension:
+                said = f"expected {G.dimension} numbers, of torque and force"
+                problems.at("estimate").add(f"{said}, got {len(self.estimate)}")
         if isinstance(self.lag, list) and len(self.lag) != G.dimension:
             said = f"expected a number, or {G.dimension} of them"
             problems.at("lag").add(f"{said}, got {len(self.lag)}")
@@ -154,9 +164,12 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         law, files = law.loaded(home, G, Problems())
         ready = self
         if isinstance(law, laws.OuterLoop):
-            if law.commands != "torque":
-                said = "expected an attitude law that computes a torque, such as lee2010"
+            if law.commands not in ("torque", "rates"):
+                said = "expected an attitude law that commands a torque or rates, such as lee2010"
                 problems.at("law", "attitude").add(f"{said}, got {law.inner.name}")
+            elif law.commands == "rates" and np.any((self.estimate or [])[: G.parts[0].axes.stop]):
+                said = "expected 0 as the torques, as the attitude law commands rates"
+                problems.at("estimate").add(f"{said}, got {self.estimate}")
             options = {
                 field.name: getattr(self, field.name) for field in fields(self) if field.init
             }
@@ -189,7 +202,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             problems.add("answers at control instants; set control.period, at which it is called")
             return self
         name, most, unit = self.bounded
-        if (value := getattr(self, name)) * plant.period >= most:
+        if (value := float(np.max(getattr(self, name)))) * plant.period >= most:
             said = f"{most / plant.period:g} {unit}, as the law answers every {plant.period:g} s"
             problems.at(name).add(f"expected less than {said}, got {value:g}")
         if not isinstance(plant.inertia, Inertia):
@@ -282,10 +295,10 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         is_first, before = less(s.memory[STARTED], 0.5), s.memory[ACTUATED]
         if self.runs:
             first, _ = self.rejecting(s, s.memory[DISTURBANCE], period)
-            before = where(is_first, s.command(first), before)
+            before = where(is_first, self.wrench_of(s.command(first)), before)
         estimate, states = self.estimated(s, before, is_first, period)
         u, inner = self.rejecting(s, estimate, period)
-        reached = s.command(u)
+        reached = self.wrench_of(s.command(u))
         if self.acting:
             reached = reached - excess(s.G, self.acting, reached)
         if self.believed is not None:
@@ -293,6 +306,10 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
         states |= {INNER + name: z for name, z in inner.items()}
         started = 1.0 + 0.0 * s.memory[STARTED]
         return u, {STARTED: started, ACTUATED: reached, DISTURBANCE: estimate, **states}
+
+    def wrench_of(self, command: Array) -> Array:
+        """Return what a command asks of the actuators, as far as it is a force."""
+        return command
 
     def rejecting(self, s: Tracking, estimate: Array, period: Any) -> tuple[Array, Arrays]:
         """Return u with an estimate, and the states of the inner law a period later."""
@@ -474,14 +491,19 @@ class MomentumObserver(Rejecting):
     Attributes
     ----------
     rate
-        k, how fast δ̂ follows, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the
-        delay of k = ω/√2.
+        k, how fast δ̂ follows, rad/s: a number, or one along each axis; less than 1/T. A
+        Butterworth filter with the cutoff ω has the delay of k = ω/√2.
     """
 
     name: ClassVar[str] = "observer"
     bounded: ClassVar[tuple[str, float, str]] = "rate", 1.0, "rad/s"
 
-    rate: Annotated[Positive, Scale("rate of the observer", "rad/s")]
+    rate: Annotated[laws.EachAxis, Scale("rate of the observer", "rad/s")]
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what no law that rejects may have, and rates that are not for each axis."""
+        super().check(G, problems)
+        laws.check_each_axis(self.rate, G.dimension, problems.at("rate"))
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of all states, with P̂ of the next instant without û and δ̂."""
@@ -491,7 +513,7 @@ class MomentumObserver(Rejecting):
         """Return k(𝕀V − P̂), and P̂."""
         acting, measured = self.framed(s, actuated), self.framed(s, s.P)
         new = s.memory["momentum"] + period * (acting + s.memory[DISTURBANCE])
-        P = where(is_first, measured, new)
+        P = where(is_first, measured - s.memory[DISTURBANCE] / self.rate, new)
         states = {"momentum": P + period * self.unforced(s)}
         return self.rate * (measured - P), states
 
@@ -524,6 +546,11 @@ class EstimatedForce:
         return np.concatenate([self.wrench[..., : G.rotations], force], axis=-1)
 
 
+def rigid_rotations(wrench: Array) -> int:
+    """Return the number of torques in a wrench of SE2 or SE3."""
+    return 3 if wrench.shape[-1] == 6 else 1
+
+
 class Outer(laws.OuterLoop, Rejecting):
     """A law that rejects, around an outer loop, whose force is that of the estimate, too."""
 
@@ -531,6 +558,7 @@ class Outer(laws.OuterLoop, Rejecting):
     reads_gains: ClassVar[bool] = False
 
     inner = property(lambda self: self.around.inner)
+    commands = property(lambda self: self.around.commands if self.around else "torque")
     direction = property(lambda self: self.around.direction)
     undefined = property(lambda self: self.around.undefined)
     position = property(lambda self: self.around.position)
@@ -543,6 +571,24 @@ class Outer(laws.OuterLoop, Rejecting):
     def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
         """Return the group of the attitude law."""
         return laws.gains_group(self.around, G)
+
+    def initial_memory(self, s: Tracking) -> Arrays:
+        """Return the beginning of the cascade, and δ̂ where it is given."""
+        begun = Rejecting.initial_memory(self, s)
+        if self.estimate is not None:
+            begun = {**begun, DISTURBANCE: np.array(self.estimate) + 0.0 * s.P}
+        return begun
+
+    def wrench_of(self, command: Array) -> Array:
+        """Return a command without its rates, of which no torque is known."""
+        return self._force_of(command)
+
+    def _force_of(self, wrench: Array) -> Array:
+        """Return a wrench, of a law that commands rates only its force."""
+        if self.commands != "rates":
+            return wrench
+        turns = rigid_rotations(wrench)
+        return np.concatenate([0.0 * wrench[..., :turns], wrench[..., turns:]], axis=-1)
 
     def directions(self, G: MatrixLieGroup) -> Array:
         """Return those of the cascade."""
@@ -609,6 +655,7 @@ class Outer(laws.OuterLoop, Rejecting):
         turns = G.rotations
         wrench = np.empty(G.dimension)
         wrench[:turns] = error * np.diagonal(hessian_at_identity(G.rotation_group, loop.gains.K))
+        wrench = self._force_of(wrench)
         wrench[turns:] = error * loop.inertia.at(0.0).matrix[turns, turns] * position.kx
         turning, pushing = wrench.copy(), wrench.copy()
         turning[turns:], pushing[:turns] = 0.0, 0.0
@@ -624,13 +671,13 @@ class Outer(laws.OuterLoop, Rejecting):
         """Return a wrench or momentum with its force, or linear part, in space."""
         turns = rigid(s.G).rotations
         linear = apply_matrix(rigid(s.G).rotation(s.Q), wrench[..., turns:])
-        return np.concatenate([wrench[..., :turns], linear], axis=-1)
+        return self._force_of(np.concatenate([wrench[..., :turns], linear], axis=-1))
 
     def unforced(self, s: Tracking) -> Array:
         """Return J ω × ω, 0 in space, and the forces that the model knows."""
         turns = s.G.ad_star(s.V, s.P)[..., : rigid(s.G).rotations]
         spin = np.concatenate([turns, 0.0 * s.V[..., rigid(s.G).rotations :]], axis=-1)
-        return self.framed(s, self.known_wrench(s)) + spin
+        return self.framed(s, self.known_wrench(s)) + self._force_of(spin)
 
     def known_wrench(self, s: Tracking, of_weight: bool = False) -> Any:
         """Return the forces that the model knows, or their weight alone, body frame."""
@@ -643,9 +690,7 @@ class Outer(laws.OuterLoop, Rejecting):
 class IndiOuter(Outer, Indi):
     """INDI around a cascade: δ̂ = −H[û + f + ad*_V 𝕀V − 𝕀ΔV/T], forces in space."""
 
-    def initial_memory(self, s: Tracking) -> Arrays:
-        """Return the beginning of the cascade, without an estimate."""
-        return Rejecting.initial_memory(self, s)
+    initial_memory = Outer.initial_memory
 
     def compared(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Compared:
         """Return what acts, less the rate of the momentum; 0 at the first instant."""
@@ -656,7 +701,8 @@ class IndiOuter(Outer, Indi):
             a = np.concatenate([0.0 * s.V[..., :turns], s.specific_force], axis=-1)
             felt = s.inertia.momentum(a) + self.known_wrench(s, of_weight=True)
             rate = np.concatenate([rate[..., :turns], self.framed(s, felt)[..., turns:]], axis=-1)
-        return Compared(where(is_first, 0.0 * P, acting - rate), 0.0, P)
+        first = 0.0 * P - s.memory[DISTURBANCE]
+        return Compared(where(is_first, first, acting - rate), 0.0, P)
 
 
 class ObserverOuter(Outer, MomentumObserver):

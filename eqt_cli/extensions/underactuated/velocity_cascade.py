@@ -117,12 +117,12 @@ class VelocityCascade(Cascade):
 
     v_c = k_p (p_d − p) + ṗ_d within the limits of the speed, where the part by the position goes
     first, a = p̈_d + k_v (v_c − v) + z and ż = k_i (v_c − v). The body axis of the push is to point
-    along a_h + h, with the horizontal part a_h of a and the hover acceleration h against the known
-    forces, within the limit of the tilt. The push is such that its vertical part gives that of a,
-    along the commanded axis: it does not depend on the attitude. The first axis of the body has the
-    heading as seen from above; in a `cascade`, the plane with F has it. The push is limited with
-    priority for the vertical part; z is stopped there where it would go further, and horizontally
-    it is led back by 2/k_v of what is cut.
+    along a_h + h, with the horizontal part a_h of a and the acceleration h against the weight,
+    within the limit of the tilt; other known forces are taken from a. The push is such that its
+    vertical part gives that of a, along the commanded axis: it does not depend on the attitude. The
+    first axis of the body has the heading as seen from above; in a `cascade`, the plane with F has
+    it. The push is limited with priority for the vertical part; z is stopped there where it would
+    go further, and horizontally it is led back by 2/k_v of what is cut.
 
     PX4's PositionControl.cpp (commit 02c4e036) in continuous time or at instants, apart from its D
     term, the gain of a measured acceleration. Nothing is claimed.
@@ -167,17 +167,21 @@ class VelocityCascade(Cascade):
         """Return F/m, and the rate of the integral."""
         return s.once("loops", self._both_loops)
 
-    def _hover(self, s: Tracking) -> tuple[Array, Array]:
-        """Return the upward direction, and the acceleration against the known forces."""
+    def _hover(self, s: Tracking) -> tuple[Array, Array, Array]:
+        """Return the upward direction, the acceleration against the weight, and by other forces."""
         G = rigid(s.G)
         p, v = self._motion(s)
         motion = RigidMotion(G, G.rotation(s.Q), s.V[..., :3], Jet.of([p]), Jet.of([v]))
         hover: Any = 0.0 * p
+        others = hover
         for force in self.known_forces:
             pull: Any = force.in_space(G, Jet.time(s.t, 0), motion)
-            hover = hover - (pull.value if isinstance(pull, Jet) else pull) / _mass(s)
+            a = (pull.value if isinstance(pull, Jet) else pull) / _mass(s)
+            hover, others = (
+                (hover - a, others) if hasattr(force, "weight_alone") else (hover, others + a)
+            )
         size = norm(hover)[..., None]
-        return hover / size, size
+        return hover / size, size, others
 
     def _motion(self, s: Tracking) -> tuple[Array, Array]:
         """Return position and velocity in space."""
@@ -187,7 +191,7 @@ class VelocityCascade(Cascade):
     def _both_loops(self, s: Tracking) -> tuple[Array, Array]:
         assert s.flat is not None
         gains, mass, (p, v) = self.position, _mass(s), self._motion(s)
-        up, size = s.once("hover", self._hover)
+        up, size, others = s.once("hover", self._hover)
         v0, v1 = gains.kp * (s.flat.position[..., 0, :] - p), s.flat.position[..., 1, :]
         climb = dot(v0 + v1, up)[..., None]
         across = _within(_flat(v0, up), _flat(v1, up), gains.horizontal_speed)
@@ -196,7 +200,7 @@ class VelocityCascade(Cascade):
         if gains.down_speed is not None:
             climb = maximum(climb, 0.0 * climb - gains.down_speed)
         error = across + climb * up - v
-        a = s.flat.position[..., 2, :] + gains.kv * error
+        a = s.flat.position[..., 2, :] + gains.kv * error - others
         if "integral" in s.memory:
             a = a + s.memory["integral"]
         rise = dot(a, up)[..., None]
