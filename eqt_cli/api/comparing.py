@@ -15,7 +15,7 @@ from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
 from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError, Remedy, suggestion
 from eqt_cli.base.extensions import function_for
-from eqt_cli.results.conclusion import conclusion_of
+from eqt_cli.results.conclusion import conclusion_of, words_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
 
@@ -105,7 +105,10 @@ def compare(
         raise EqtError("fail_on, law and same compare two results; give other, too")
     how = Resampling(confidence, resamples, seed, sequential)
     with open_at(path_from("result", result), point) as opened:
-        before, over = opened.in_units(units), _windows(windows, opened.config.get("windows") or {})
+        before, over = (
+            opened.in_units(units),
+            _windows(windows, words_of(opened).get("windows") or {}),
+        )
         compared = partial(
             compare_results, metrics=metrics, windows=over, how=how, negligible=negligible
         )

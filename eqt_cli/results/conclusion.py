@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from eqt_cli.base import purposes
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.reporting import TextTable
 from eqt_cli.base.stored import CASE
@@ -74,6 +76,18 @@ def conclusion_of(result: Result) -> Conclusion:
     """
     functions = functions_for(purposes.conclusion_of_a_result, result.path.parent)
     return next(filter(None, (conclude(result) for conclude in functions)), Conclusion())
+
+
+def words_of(result: Result) -> Mapping[str, Any]:
+    """Return the configuration beside a result, whose words may be newer, or that within it."""
+    from eqt_cli.base.yaml_source import load  # slow to import, and most readers need it not
+
+    beside = result.path.with_name("config.yaml")
+    with suppress(OSError, EqtError):
+        text = beside.read_text(encoding="utf-8")
+        if result.path.name == "results.h5" and ("\nrequire:" in text or "\nwindows:" in text):
+            return load(text, beside.name).data
+    return result.config
 
 
 def answers_of(result: Result) -> tuple[dict[str, Any], list[TextTable]]:

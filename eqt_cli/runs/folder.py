@@ -36,14 +36,15 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
 from eqt_cli.base.stored import FORMULA, LAW, MIXED, OUTPUT, POINT, SHAPE, signal_of
-from eqt_cli.base.yaml_source import dump
+from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, output_units
 from eqt_cli.components.vehicle import Vehicle, exactly_measured
 from eqt_cli.config.experiment import Experiment, renamed
+from eqt_cli.config.marks import WORDS
 from eqt_cli.config.remarks import gains_flown
-from eqt_cli.config.schema import Config
+from eqt_cli.config.schema import Config, marked
 from eqt_cli.config.study import Study, section_of
 from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, formulas_of, holds, output_names
 from eqt_cli.results.metrics import (
@@ -202,6 +203,14 @@ class ResultFolder:
         plugins = self._copied(PLUGINS, study.base.plugins)
         data = renamed(study.resolved, self._copied(FILES, study.files, ".csv") | plugins)
         files.replace_file(self.path / name, mark + dump(data).encode())
+
+    def keep_words(self, study: Study) -> None:
+        """Write the configuration again if words differ that no digest has, such as `require`."""
+        with suppress(OSError, EqtError):
+            stored = load((self.path / CONFIG).read_text(encoding="utf-8"), CONFIG).data
+            now = study.resolved
+            if any(stored.get(key) != now.get(key) for key in marked(WORDS)):
+                self.write_config(study)
 
     def tidy(self) -> None:
         """Remove unfinished files of killed processes."""

@@ -230,6 +230,7 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
         with suppress(EqtError), locked(folder.path):
             folder.tidy()
             folder.finish({"finished": now(), **manifest})
+    folder.keep_words(study)
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
 
 

@@ -26,6 +26,7 @@ from eqt_cli.extensions.requirements.reading import (
     required,
     window_of,
 )
+from eqt_cli.results.conclusion import words_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 from eqt_cli.results.result import window_of as window_of_metrics
@@ -81,9 +82,10 @@ class Finding(NamedTuple):
 @purposes.answers_of_a_result
 def answers(result: Result) -> tuple[dict[str, Any], list[TextTable]] | None:
     """Return what a result shows of the requirements in its configuration; None without any."""
-    if not result.config.get("require"):
+    config = words_of(result)
+    if not config.get("require"):
         return None
-    requirements, windows = required(result.config)
+    requirements, windows = required(config)
     shown = range(result.points if result.is_sweep else 1)
     at = {point: result.point(point) if result.is_sweep else result for point in shown}
     by_point = {point: list(findings(one, requirements, windows)) for point, one in at.items()}
@@ -151,7 +153,7 @@ def findings(
                 yield _of_runs(result, requirement, over, law, row)
 
 
-def words_of(requirement: Requirement, bound: str, over: Window | None) -> str:
+def in_words(requirement: Requirement, bound: str, over: Window | None) -> str:
     """Return a requirement in words: ``attitude_angle ≤ 0.05 deg in 99.7 % of runs``."""
     sign = "≤" if requirement.min is None else "≥"
     relative = f" within {requirement.relative:g} s" if requirement.relative else ""
@@ -177,9 +179,9 @@ def _of_margin(result: Result, requirement: Requirement, law: str) -> Finding:
     """Judge a margin of the linear loop, which is one number."""
     unit, better = MARGINS[requirement.metric]
     limit = limit_of(requirement, unit)
-    name = words_of(requirement, _bound(requirement, limit, unit), None)
+    name = in_words(requirement, _bound(requirement, limit, unit), None)
     stored = json.loads(str(result.attributes.get(STORED, "{}")))
-    of_law = stored.get(law, stored.get("", "is not stored; run the experiment again"))
+    of_law = stored.get(law, stored.get("", "is not stored; run the experiment with --force"))
     blank = shares.Statement("not shown", math.nan, math.nan)
     if result.out_of:
         of_law = "a sweep stores no margins; run this point by itself"
@@ -196,6 +198,7 @@ def _of_margin(result: Result, requirement: Requirement, law: str) -> Finding:
         return Finding(name, law, f"about {seen}", blank, why, requirement)
     keeps = value >= limit if requirement.max is None else value <= limit
     seen = f"{significant(value, 4)} {'' if unit == '1' else unit}".strip()
+    seen = seen if 0 < value < math.inf else "any"
     word: shares.Word = "meets" if keeps else "fails"
     return Finding(name, law, seen, blank._replace(word=word), "", requirement)
 
@@ -207,7 +210,7 @@ def _of_runs(
     assert requirement.share is not None
     level, good = 1 - requirement.confidence, result.good[row]
     unit, limit, sure, possible, apart = _bounds_kept(result, requirement, over, row)
-    name = words_of(requirement, _bound(requirement, limit, unit), over)
+    name = in_words(requirement, _bound(requirement, limit, unit), over)
     earlier = tuple(result.provenance.get(GROWN_FROM, ()))
     sure, possible = np.where(good, sure, 0.0), np.where(good, possible, 0.0)
     n = len(good)

@@ -90,6 +90,34 @@ def test_a_peak_between_samples_is_not_shown():
     assert share_within(line, 0.25, np.zeros((1, 2)), upper=False) == pytest.approx(0.75)
 
 
+def test_words_are_those_of_the_file_now_and_looks_are_counted(tmp_path, invoke):
+    wheel = {
+        "group": "SO2", "inertia": 0.4, "gains": {"kp": 1.0, "kd": 0.8}, "controllers": ["eqt"],
+        "reference": {"kind": "constant"}, "initial": {"velocity": "normal"},
+        "ensemble": {"runs": 20}, "time": {"duration": 10, "samples": 51},
+        "solver": {"engine": "solve_ivp", "cross_check": 0, "error_estimate": False},
+        "require": [{"metric": "settled", "min": 1, "share": 0.9}],
+    }  # fmt: skip
+    path, out = tmp_path / "c.yaml", tmp_path / "r"
+
+    def answer(**change):
+        path.write_text(yaml.safe_dump(wheel | change))
+        invoke("run", path, "--out", out, "--grow", "-q")
+        [record] = json.loads(invoke("show", out, "--json").stdout)["requirements"]
+        return record["share"], record["verdict"], record["needed"]
+
+    assert answer() == (0.9, "not shown", 29)  # 0.9^29 < 0.05
+    lower = [{"metric": "settled", "min": 1, "share": 0.8}]
+    assert answer(require=lower) == (0.8, "meets", 0)
+    assert answer(ensemble={"runs": 29}) == (0.9, "meets", 0)
+    with open_result(out / "results.h5") as result:
+        assert result.provenance["grown_from"] == [20]
+    margin = [{"metric": "delay_margin", "min": "0.3 s"}]  # of this loop: 0.3043 s (eqt margins)
+    path.write_text(yaml.safe_dump(wheel | {"require": margin}))
+    invoke("run", path, "--out", tmp_path / "m", "-q")
+    invoke("compare", tmp_path / "m", "--fail-on", "requirements")
+
+
 def test_a_gate_ends_with_4(flown, invoke):
     refused = invoke("compare", flown, "--fail-on", "requirements", code=4).stdout
     assert refused.startswith("FAILS")
