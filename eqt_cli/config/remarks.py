@@ -521,15 +521,20 @@ def _unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
 def _least_later(
     loop: ClosedLoop, rate: float, least: float, up_to: Callable[[float], Along]
 ) -> tuple[float, bool]:
-    """Return the least growth along a reference while it is large, and whether none is known."""
-    begins = True
+    """Return the least growth along a reference while it is large, and whether none is known.
+
+    If flights part within the beginning, and not later, it is that of the beginning.
+    """
+    begins, early = True, -np.inf
     for share in (BEGINNING, 1.0):
         if rate > least:
             begins = len(up_to(share).times) == 1
             with np.errstate(all="ignore"):
                 linear = linearised(loop, *up_to(share))
             rate = _least_growth(linear) if np.isfinite(linear.closed).all() else -np.inf
-    return rate, begins
+            early = max(early, -np.inf if begins else rate)
+    parts_early = early * BEGINNING > least * log(FAR) / log(CERTAIN)
+    return (early, True) if parts_early and rate <= least else (rate, begins)
 
 
 def part(engine: Engine, loop: ClosedLoop, along: Along, rate: float, horizon: float) -> bool:

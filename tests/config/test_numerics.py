@@ -217,6 +217,43 @@ def test_growth_is_told_of_flights_that_leave_the_reference(monkeypatch, tmp_pat
     assert f"small errors grow at {rate:.3g} 1/s or more" in said
 
 
+EARLY = """
+import numpy as np
+from eqt_cli.extend import Controller, less, where
+
+class Early(Controller):
+    name = "early"
+    title = "Early"
+
+    def torque(self, s):
+        sign = where(less(np.asarray(s.t)[..., None] - LAST, 0.0), -1.0, 1.0)
+        r = s.relative
+        return r.cancelling_feedforward - r.body_damping - sign * r.gradient
+"""
+
+
+@pytest.mark.ci("flies by NumPy")
+@pytest.mark.parametrize(("last", "said"), [(12.0, "where the reference begins"), (3.0, None)])
+def test_growth_of_the_beginning_alone_is_told(monkeypatch, tmp_path, last, said):
+    """The spring above has the wrong sign up to a time: of 100 s, 12 part flights by e¹²."""
+    monkeypatch.chdir(tmp_path)
+    Path("early.py").write_text(EARLY.replace("LAST", str(last)))
+    base = load_experiment(
+        mapping(
+            inertia=[2.0, 2.0, 2.0],
+            gains={"kp": 1.5, "kd": 1.0},
+            controllers=["early"],
+            plugins=["early.py"],
+            reference={"kind": "rates", "rates": ["0.5*cos(t)", "0.3*sin(2*t)", 0.2]},
+            time={"duration": 100, "samples": 101},
+            solver={"engine": "solve_ivp"},
+        )
+    ).base
+    told = [str(one) for one in remarks(base) if "unstable" in str(one)]
+    assert len(told) == (said is not None)
+    assert said is None or f"{said}: small errors grow at 1 1/s or more" in told[0]
+
+
 WAKES = """
 import numpy as np
 from eqt_cli.extend import Controller
