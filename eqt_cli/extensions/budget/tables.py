@@ -118,9 +118,9 @@ class BudgetInWords:
             ["quantile", "mixed", "ensemble", "temporal", "temporal, worst run"],
             blocks,
             [
-                "mixed: of all runs and times (ECSS-E-ST-60-10C)",
+                "mixed: of all runs and samples in time, weighted equally (ECSS-E-ST-60-10C)",
                 "ensemble: of runs, by the largest error of each",
-                "temporal: of the time, of the median run",
+                "temporal: of the samples in time, of the median run",
             ],
             spare=("temporal, worst run",),
         )
