@@ -103,8 +103,8 @@ def _errors_of(batch: Batch, names: Sequence[str]) -> Iterator[tuple[str, float,
     # that it only counts for the number of samples that would do.
     others = [row for row in QUANTITIES.values() if row.of and row.per is ValuePer.RUN]
     config, signals = batch.experiment.config, {*names}
-    asked = [with_keys_of(config, x) for x in others if not x.stored and {*x.signals} <= signals]
-    rows = [row for row in (*stored, *asked) if _of(row) in JUDGED]
+    further = [with_keys_of(config, x) for x in others if not x.stored and {*x.signals} <= signals]
+    rows = [row for row in (*stored, *further) if _of(row) in JUDGED]
     reduction = replace(reduction, metrics=tuple(rows))
     width = loop.group.size**2 + loop.group.dimension
     begins = problem.times
