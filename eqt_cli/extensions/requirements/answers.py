@@ -26,7 +26,7 @@ from eqt_cli.extensions.requirements.reading import (
     required,
     window_of,
 )
-from eqt_cli.results.conclusion import words_of
+from eqt_cli.results.conclusion import conclusion_of, words_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 from eqt_cli.results.result import window_of as window_of_metrics
@@ -144,9 +144,12 @@ def findings(
     result: Result, requirements: list[Requirement], windows: dict[str, NamedWindow]
 ) -> Iterator[Finding]:
     """Yield what a result of one experiment shows, by requirement and law."""
+    further = conclusion_of(result).further  # such as what other training samples gave
     for requirement in requirements:
         over = window_of(requirement, windows)
         for row, law in enumerate(result.labels):
+            if law in further:
+                continue
             if requirement.metric in MARGINS:
                 yield _of_margin(result, requirement, law)
             else:
@@ -172,6 +175,10 @@ def in_words(requirement: Requirement, bound: str, over: Window | None) -> str:
 
 
 def _bound(requirement: Requirement, limit: float, unit: str) -> str:
+    """Return the bound as the user wrote it, with its unit."""
+    for written in (requirement.max, requirement.min):
+        if isinstance(written, str):
+            return " ".join(written.split())
     return f"{limit:.6g} {'' if unit == '1' else unit}".strip()
 
 
