@@ -384,29 +384,53 @@ class Lag(Actuator):
     Attributes
     ----------
     time_constant
-        T, s.
+        T, s; 0 along an axis: its command passes at once.
     """
 
     name: ClassVar[str] = "lag"
     departs: ClassVar[str] = "torque lags"
     vectors: ClassVar[tuple[str, ...]] = ("time_constant",)
-    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
     moves: ClassVar[bool] = True
 
     time_constant: Annotated[Numbers, Scale("time constant of the actuators", "s")]
+    lags: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)  # axes, if not all
+
+    @property
+    def positive(self) -> tuple[str, ...]:  # type: ignore[override]  # a constant of others
+        """The time constant, unless some are 0."""
+        return ("time_constant",) if self.lags is None else ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.time_constant, list) and any(x == 0 for x in self.time_constant):
+            axes = tuple(k for k, x in enumerate(self.time_constant) if x != 0)
+            object.__setattr__(self, "lags", axes)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note time constants that are wrong, and a lag along no axis."""
+        super().check(G, problems)
+        here, lags = problems.at("time_constant"), self.time_constant
+        if self.lags == ():
+            here.add("expected a number above 0; remove a lag of 0 s")
+        for k in self.lags or ():
+            check_numbers(lags[k], here.at(k), True)
 
     def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states, one along each axis."""
-        return G.dimension
+        """Return the number of states, one along each axis that lags."""
+        return G.dimension if self.lags is None else len(self.lags)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return the state."""
-        return x
+        """Return the state, and the command along axes without a lag."""
+        if self.lags is None:
+            return x
+        y = command + 0.0 * command
+        y[..., list(self.lags)] = x
+        return y
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (command − x) / T."""
-        return (command - x) / self.time_constant
+        axes: Any = slice(None) if self.lags is None else list(self.lags)
+        return (command[..., axes] - x) / self.time_constant[..., axes]
 
 
 # A hard limit of the torque -----------------------------------------------------------------------

@@ -8,4 +8,5 @@ def register(extension: Extension) -> None:
     extension.add_component("controllers", "rate", "rate")
     extension.add_component("controllers", "pid_cascade", "pid_cascade")
     extension.add_component("actuators", "rate_loop", "rate_loop")
+    extension.add_component("actuators", "delay", "delay")
     extension.add_component("references", "setpoints", "setpoints")

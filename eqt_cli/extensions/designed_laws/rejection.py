@@ -237,7 +237,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             listed = ", ".join(f"{x:g}" for x in np.concatenate(true))
             got = f"the actuators lag by {listed} s" + ("" if lag is None else f", got {lag:g}")
             problems.add(f"expected a list of {G.dimension} lags, one along each axis, as {got}")
-        return np.broadcast_to(lag, G.dimension) * 1.0 if np.any(lag) else None
+        if not np.any(lag):
+            return None
+        return np.maximum(np.broadcast_to(lag, G.dimension), np.finfo(float).tiny)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return that the first measurement has been, and what the inner law counts."""
