@@ -4,3 +4,4 @@ from eqt_cli.extensions.flights.api import fit as fit
 from eqt_cli.extensions.flights.api import plan_flights as plan_flights
 from eqt_cli.extensions.flights.api import replay as replay
 from eqt_cli.extensions.flights.confrontation import validate as validate
+from eqt_cli.extensions.flights.identify import identify_law as identify_law

@@ -22,7 +22,7 @@ from eqt_cli.cli.tables import as_csv
 if TYPE_CHECKING:
     from eqt_cli.config.document import Document
 
-from eqt_cli.extensions.logs.error_options import QUANTITIES, Errors
+from eqt_cli.extensions.logs.error_options import FORMATS, QUANTITIES, Errors
 
 Measured = Annotated[Path, options.option("--measured")]
 
@@ -216,6 +216,8 @@ def add_to(app: typer.Typer) -> None:
     app.command("compare", cls=_Against, epilog=epilog)(options.spread(compare_flights))
     of_plan = example("eqt log plan", "--effect 0.1 --spread 0.3")
     app.command("plan", cls=Command, epilog=of_plan)(options.spread(plan_flights))
+    epilog = example("eqt log identify", "flown.csv --mapping log.yaml")
+    app.command("identify", cls=Command, epilog=epilog)(identify_law)
 
 
 class _Against(Command):
@@ -384,3 +386,48 @@ def plan_flights(
 
     plan = api.plan_flights(effect, **vars(what), format=log_format)
     print_findings(record_of(plan), laid_out(plan.table()), json=json)
+
+
+# `eqt log identify` ------------------------------------------------------------------------------
+
+
+def identify_law(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Flights of one law, a folder or list.")
+    ],
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[str, options.option("--format", names=FORMATS)] = "csv",
+    law: Annotated[str, options.option("--law")] = "",
+    period: Annotated[float, options.option("--period", min=0.0)] = 0.0,
+    mass: Annotated[float, options.option("--mass", min=0.0)] = 0.0,
+    second: Annotated[Path | None, options.option("--second")] = None,
+    begin: Annotated[str | None, options.option("--begin")] = None,
+    end: Annotated[str | None, options.option("--end")] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Identify the law that flew: its terms, gains and delay, from state, setpoints and commands.
+
+    A position loop commands an acceleration, or a thrust with an attitude setpoint; an attitude
+    loop a torque. Each gain has a 95 % interval, or is not identifiable from this motion.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, commands, units, frames and times.
+        --format NAME  csv, tum or euroc. Default: by the first row.
+        --law NAME  The law in a list of flights of several ones.
+        --period S  Length of a lap, s: other laps then remove noise that is correlated in time.
+        --mass KG  Mass by which a thrust in N is divided. Default: gains are in N.
+        --second FILE  Desired motion. Default: the setpoints in the files.
+        --begin S  First time, s: 12.5 by the clock of a file, +5 from its first row.
+        --end S  Last time, as --begin.
+    """
+    from eqt_cli import api
+
+    span: Any = {"begin": begin or "-inf", "end": end or "inf", "second": second}
+    more: Any = {"law": law, "period": period, "mass": mass, "format": format_}
+    laws = api.identify_law(files, mapping, **more, **span)
+    pieces = [piece for table in laws.tables() for piece in ("", laid_out(table))]
+    notes = ["", *laws.notes] if laws.notes else []
+    print_findings(laws.document, *laws.headlines(), *pieces, *notes, json=json)

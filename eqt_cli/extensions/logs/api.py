@@ -21,6 +21,7 @@ from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.extensions.logs import frames, logs
+from eqt_cli.extensions.logs.command_series import series_of_commands
 from eqt_cli.extensions.logs.first_bytes import format_of
 from eqt_cli.extensions.logs.log_check import LogCheck, check_text, largest_group, topics_of
 from eqt_cli.extensions.logs.log_table import CONVERTED, open_sheet
@@ -399,6 +400,21 @@ def measured_series(
     """Return the series of each quantity that was measured; arguments as for `check_log`."""
     every = _series(path, _flight(path, mapping), mapping, format, None)
     return {quantity: some[0] for quantity, some in every.items()}
+
+
+def command_series(
+    path: str | os.PathLike[str], mapping: MappingSource = None, format: str = "csv"
+) -> dict[str, Series]:
+    """Return the series of each commanded quantity; arguments as for `check_log`.
+
+    Besides torque and force, a table may have thrust, acceleration, attitude and rates. Commands
+    along the body have eqt's axes; a unit of shares is *normalised*.
+    """
+    if (flight := _flight(path, mapping)) is not None:
+        every = {q: next(iter(flight.series(q)), None) for q in ("torque", "force")}
+        return {q: frames.in_axes("rates", one, flight.mapping) for q, one in every.items() if one}
+    with _read(path, mapping, format) as read:
+        return dict(series_of_commands(open_sheet(*read[:4]), read.mapping))
 
 
 def _shared(actual: dict[str, Series], wanted: dict[str, Series]) -> Iterator[tuple[str, str]]:

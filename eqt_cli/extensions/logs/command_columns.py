@@ -17,13 +17,16 @@ from eqt_cli.extensions.logs.usual_names import Column, usual_commands
 THRUST = "thrust"
 """The command of a force along z of the body."""
 
+HOVER = "hover"
+"""The thrust that carries the weight, in the unit of the thrust."""
+
 GRAM = 9.80665e-3
 """Force of a gram, N, as data sheets of rotors state thrusts."""
 
 RANGE = re.compile(r"(?i)(?:pwm *)?(-?\d+(?:\.\d+)?) *(?:to|-|–|\.\.) *(-?\d+(?:\.\d+)?)")
 """A range of numbers that stands for none to all of a command: ``0 to 65535``."""
 
-KINDS = {"N m": "torque", "N": "force", "rad/s": "n"}
+KINDS = {"N m": "torque", "N": "force"}
 """The key of `units` that states the unit of all commands of a kind, by eqt's unit."""
 
 UNITS = {
@@ -52,7 +55,7 @@ class Command(NamedTuple):
 
 def eqt_unit(name: str) -> str:
     """Return eqt's unit of a command; empty for a quaternion."""
-    if name == THRUST:
+    if name in (THRUST, HOVER):
         return "N"
     if name in QUATERNION:
         return ""
@@ -62,7 +65,7 @@ def eqt_unit(name: str) -> str:
 
 def _is_command(name: str) -> bool:
     is_pose = name in (*QUATERNION, *EULER, "wx", "wy", "wz", "ax", "ay", "az")
-    return name == THRUST or is_pose or eqt_unit(name) in ("N m", "N") or _is_speed(name)
+    return name in (THRUST, HOVER) or is_pose or eqt_unit(name) in ("N m", "N") or _is_speed(name)
 
 
 def _is_speed(name: str) -> bool:
@@ -71,7 +74,9 @@ def _is_speed(name: str) -> bool:
 
 def kind_of(name: str) -> str:
     """Return the kind of a command: thrust, torque, force, n, or empty."""
-    return THRUST if name == THRUST else "n" if _is_speed(name) else KINDS.get(eqt_unit(name), "")
+    if _is_speed(name):
+        return "n"
+    return THRUST if name in (THRUST, HOVER) else KINDS.get(eqt_unit(name), "")
 
 
 def own_commands(sheet: Sheet, mapping: LogMapping) -> dict[str, Command]:
@@ -249,7 +254,7 @@ def with_commands(
             hint = f"{usual[THRUST].source} is a thrust without torques: commanded rates and "
             hint += "attitudes are no wrench, but setpoints of an inner loop"
         chosen |= some if not lacks else {}
-    chosen = {name: x for name, x in chosen.items() if kind_of(name)}
+    chosen = {name: x for name, x in chosen.items() if kind_of(name) and name != HOVER}
     mine = {*special, *mapping.command}
     names = [f"{name} (file)" if name in mine else name for name in sheet.names]
     whose = {x.source: (name, x.unit or eqt_unit(name)) for name, x in chosen.items()}

@@ -115,6 +115,7 @@ def setpoints_of(text: str, name: str, mapping: LogMapping) -> Setpoints:
         table = with_columns(table, ",".join(same), cells)
     scale = {key: factor for key, factor in mapping.scale.items() if key in columns}
     plain = replace(mapping, columns={}, units={}, scale=scale, setpoint={}, sensor=None)
+    plain = replace(plain, command={})
     plain = replace(plain, quaternion=None, drop=[*dict.fromkeys([*mapping.drop, "invalid"])])
     return Setpoints("\n" * (sheet.head - 1) + table, plain, _quantities_of(columns))
 
