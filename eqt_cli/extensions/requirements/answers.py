@@ -31,6 +31,11 @@ from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 from eqt_cli.results.result import window_of as window_of_metrics
 
+WORDS = ("meets", "fails", "not shown")
+
+MOST_POINTS = 20
+"""Points of a sweep that have rows of their own."""
+
 OF = {"ensemble": "runs", "mixed": "time over all runs"}
 
 
@@ -98,7 +103,7 @@ def answers(result: Result) -> tuple[dict[str, Any], list[TextTable]] | None:
     note = _CONFIDENCE.format(*(f"{100 * level:g} %" for level in confidences))
     note = note if len(confidences) == 1 else _OWN_CONFIDENCE
     table = _table(result, by_point)
-    return {"requirements": records}, [replace(table, notes=[note])]
+    return {"requirements": records}, [replace(table, notes=[*table.notes, note])]
 
 
 def _table(result: Result, by_point: dict[int, list[Finding]]) -> TextTable:
@@ -111,6 +116,8 @@ def _table(result: Result, by_point: dict[int, list[Finding]]) -> TextTable:
             law = [result.title_of[finding.law]] if many else []
             row = [*place, *law, finding.seen, finding.said]
             by_requirement.setdefault(finding.requirement, []).append(row)
+    if len(by_point) > MOST_POINTS:
+        return _counted(result, by_point)
     header = [*(["point"] if swept else []), *(["law"] if many else []), "seen", "verdict"]
     words = [finding.statement.word for of_point in by_point.values() for finding in of_point]
     if many or swept:
@@ -130,9 +137,31 @@ _CONFIDENCE = (
 _OWN_CONFIDENCE = _CONFIDENCE.format("the confidence of their requirement")
 
 
+def _counted(result: Result, by_point: dict[int, list[Finding]]) -> TextTable:
+    """Return a row per requirement and law, with the number of points of each verdict."""
+    words: dict[str, dict[str, list[str]]] = {}
+    for of_point in by_point.values():
+        for finding in of_point:
+            of_law = words.setdefault(finding.requirement, {})
+            of_law.setdefault(finding.law, []).append(finding.statement.word)
+    blocks = [
+        Block(
+            name,
+            [
+                [result.title_of[law], *(str(heard.count(word)) for word in WORDS)]
+                for law, heard in of_it.items()
+            ],
+        )
+        for name, of_it in words.items()
+    ]
+    every = [word for of_it in words.values() for heard in of_it.values() for word in heard]
+    note = f"Numbers of points, of {len(by_point)}; --json and --point N have those of a point."
+    return TextTable("requirements", _answer(every), ["law", *WORDS], blocks, [note])
+
+
 def _answer(words: Sequence[str]) -> str:
     """Say how many requirements are met, over all laws."""
-    counts = {word: words.count(word) for word in ("meets", "fails", "not shown")}
+    counts = {word: words.count(word) for word in WORDS}
     if len(words) == counts["meets"]:
         return "Requirements: all are met" if len(words) > 1 else "The requirement is met"
     said = {"meets": "met", "fails": "failed", "not shown": "not shown"}
