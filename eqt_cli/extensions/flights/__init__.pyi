@@ -1,3 +1,4 @@
+from eqt_cli.extensions.flights.api import compare_conditions as compare_conditions
 from eqt_cli.extensions.flights.api import compare_flights as compare_flights
 from eqt_cli.extensions.flights.api import compare_measured as compare_measured
 from eqt_cli.extensions.flights.api import fit as fit

@@ -22,6 +22,7 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
 from eqt_cli.extensions.flights import flights, plant_fit, prediction, validation
+from eqt_cli.extensions.flights.conditions import ConditionTable, condition_table
 from eqt_cli.extensions.flights.joined import recordings_of_a_list
 from eqt_cli.extensions.flights.judging import Design
 from eqt_cli.extensions.flights.looks import kept_looks
@@ -32,7 +33,7 @@ from eqt_cli.extensions.flights.prediction import Growth, Windows
 from eqt_cli.extensions.flights.predictions import predictions_of
 from eqt_cli.extensions.flights.sides import Sides, sides_for
 from eqt_cli.extensions.logs.api import MappingSource, driving, literal, log_errors, read_measured
-from eqt_cli.extensions.logs.flight_list import ListedFlight, flights_in, is_list
+from eqt_cli.extensions.logs.flight_list import ListedFlight, flights_in, is_list, read_list
 from eqt_cli.extensions.logs.logs import QUANTITIES, TrackingErrors
 from eqt_cli.extensions.logs.recording_check import Recording
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -185,6 +186,87 @@ def _check(
         raise EqtError("normal: belongs to sequential; add it, or leave normal out")
     if with_model and (sequential or within):
         raise EqtError("model: is for whole flights, planned before; leave sequential, within out")
+
+
+def compare_conditions(
+    path: str | os.PathLike[str],
+    against: str,
+    *,
+    by: str = "condition",
+    metrics: Sequence[str] = (),
+    of: str = "rms",
+    period: float = 0.0,
+    negligible: float = 0.05,
+    duplicates: bool = False,
+    out: str | os.PathLike[str] | None = None,
+    **how: Any,
+) -> ConditionTable:
+    """Compare all laws of a list of flights with one of them, by the conditions in a column.
+
+    Parameters
+    ----------
+    path, against
+        A list of flights, and the law that the others are compared with.
+    by
+        The column of conditions, such as ``wind``; ``condition`` and ``pair`` are such, too.
+    metrics, of, period, negligible, duplicates, how
+        As for `compare_flights`.
+    out
+        Output folder for the figure ``forest``, and for what is measured of each flight.
+
+    Returns
+    -------
+    ConditionTable
+        The ratio of each law in each condition and over all, and where it differs.
+
+    Raises
+    ------
+    EqtError
+        If a column or a law is missing, or a law was not flown in a condition.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t, rows = np.linspace(0, 20, 201), [("file", "law", "wind")]
+    >>> for k in range(20):
+    ...     law, wind = "ab"[k % 2], "05"[k // 10]
+    ...     size = (1 + k % 2) * (1 + 0.01 * k)
+    ...     table = np.c_[t, np.sin(t), size + 0 * t, 0 * t, np.sin(t), 0 * t, 0 * t]
+    ...     header = "t,x,y,z,x_ref,y_ref,z_ref"
+    ...     np.savetxt(f"flight{k}.csv", table, delimiter=",", header=header, comments="")
+    ...     rows.append((f"flight{k}.csv", law, wind))
+    >>> np.savetxt("flights.csv", rows, "%s", ",")
+    >>> table = eqt_cli.compare_conditions("flights.csv", "b", by="wind")
+    >>> [(cell.condition, cell.word.value) for cell in table.cells]
+    [('all', 'better'), ('0', 'better'), ('5', 'better')]
+    """
+    literal(Literal["rms", "median", "largest"], "of", of)
+    rows = read_list(path_from("path", path))
+    laws = [*dict.fromkeys(x.law for x in rows)]
+    if against not in laws:
+        raise EqtError(f"against: expected a law of {path} ({', '.join(laws)}), got {against}")
+    conditions = [
+        (x.factors | {"condition": x.condition, "pair": x.pair}).get(by, "") for x in rows
+    ]
+    if empty := [x.place for x, name in zip(rows, conditions, strict=True) if not (name and x.law)]:
+        has = ", ".join(["condition", "pair", *rows[0].factors])
+        raise EqtError(f"{empty[0]}: expected a law, and a text in column {by}; columns: {has}")
+
+    def tracked(one: ListedFlight) -> TrackingErrors:
+        return log_errors(one.file, **how | one.how)
+
+    folder = None if out is None else Path(out)
+    settings: dict[str, Any] = {"of": of, "period": period, "within": ""} | how
+    with flights.kept_in(folder, settings) as measured, step("flights", len(rows)):
+        sides = [(x.law, x) for x in rows]
+        more: Any = of, period, "", measured, {}, duplicates
+        flown = [*flights.read_flights(sides, tracked, *more)]
+    table = condition_table(flown, conditions, against, by, metrics, negligible)
+    if folder is not None:
+        from eqt_cli.extensions.flights.figures import save_forest  # slow to import
+
+        save_forest(table, folder)
+    return table
 
 
 def plan_flights(

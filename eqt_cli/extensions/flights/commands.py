@@ -17,7 +17,7 @@ from eqt_cli.cli import options, output
 from eqt_cli.cli.compare import Gate, Undecided
 from eqt_cli.cli.options import Command, example
 from eqt_cli.cli.output import laid_out, print_findings, say
-from eqt_cli.cli.tables import as_csv
+from eqt_cli.cli.tables import as_csv, as_latex
 
 if TYPE_CHECKING:
     from eqt_cli.config.document import Document
@@ -206,7 +206,7 @@ def validate(
 
 
 TWO_SIDES = "new1.ulg new2.ulg --against old1.ulg old2.ulg"
-Form = StrEnum("Form", "TEXT CSV")
+Form = StrEnum("Form", "TEXT CSV LATEX")
 
 
 @purposes.commands_of_log
@@ -250,6 +250,7 @@ class Comparing:
     sequential: Annotated[bool, options.option("--sequential")] = False
     normal: Annotated[bool, options.option("--normal")] = False
     model: Annotated[Path | None, options.option("--model")] = None
+    by: Annotated[str | None, options.option("--by")] = None
     second: Annotated[Path | None, options.option("--second")] = None
     mapping: Annotated[Path | None, options.option("--mapping")] = None
 
@@ -292,6 +293,8 @@ def compare_flights(
         --normal  With --sequential: assume normal logarithms of errors.
         --model FILE  Table with columns file and predicted: the error of each flight by a model,
             flown by one law; less differs by chance then.
+        --by COLUMN  Of a list of flights: compare all laws with B, in each condition of this column
+            and over all.
     Experiment
         --second FILE  Desired motion of all flights. Default: the setpoints in their files.
         --second-mapping FILE  Mapping of the desired motion. Default: that of the flights.
@@ -308,10 +311,10 @@ def compare_flights(
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
     Result
-        --out DIR  Folder for the figure flights, for the looks at these flights, and for the
-            errors of all files, which are used again.
+        --out DIR  Folder for the figure flights (with --by, forest), for the looks at these
+            flights, and for the errors of all files, which are used again.
     Output
-        --format NAME  text, or csv with a row per flight.
+        --format NAME  text, csv with a row per flight or, with --by, per cell, and then latex.
     Two settings
         --fail-on RULE  What must not be: 'position worse by 10 %', or worse (by the words of the
             comparison). Repeatable.
@@ -323,6 +326,11 @@ def compare_flights(
     fail_on, is_open = rules.arguments(files[0])["fail_on"], rules.undecided is Undecided.PASS
     span = {"begin": how.begin or "-inf", "end": how.end or "inf", "format": log_format}
     chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
+    if what.by is not None:
+        _print_conditions(files, chosen, vars(how) | span, fail_on, format_, json=json)
+        return
+    if format_ is Form.LATEX:
+        raise EqtError("--format latex belongs to --by; add it, or print text or csv")
     both = api.compare_flights(files, **chosen, **vars(how) | span, fail_on=fail_on or ())
     passes, record, lines = outcome(both.findings, undecided=is_open)
     lines = [*lines, ""] if fail_on else []
@@ -337,6 +345,41 @@ def compare_flights(
             output.print_text(*lines, *both.premises, *blank, ratios, "", flights)
     if not passes:
         raise typer.Exit(4)
+
+
+def _print_conditions(
+    files: list[Path],
+    chosen: dict[str, Any],
+    how: dict[str, Any],
+    fail_on: Any,
+    format_: Form,
+    *,
+    json: bool,
+) -> None:
+    """Print all laws of a list against one, by conditions."""
+    from eqt_cli import api
+
+    against = chosen.pop("against", None) or [Path("none")]
+    usual = vars(Comparing())
+    other = [name for name in ALONE if chosen.pop(name, usual[name]) != usual[name]]
+    other += ["fail_on"] if fail_on else []
+    if other or len(files) != 1 or len(against) != 1:
+        named = ", ".join(f"--{name.replace('_', '-')}" for name in other)
+        leave = f"leave out {named}" if named else "name one list, and one law by --against"
+        raise EqtError(f"--by compares all laws of a list with one law in each condition; {leave}")
+    table = api.compare_conditions(files[0], f"{against[0]}", **chosen, **how)
+    if json:
+        output.print_json(table.document)
+    elif format_ is Form.CSV:
+        output.print_verbatim(as_csv(table.records))
+    elif format_ is Form.LATEX:
+        output.print_verbatim(as_latex(table.table()))
+    else:
+        output.print_text(laid_out(table.table()))
+
+
+ALONE = "law", "pair", "within", "all_parameters", "sequential", "normal", "model"
+"""Options that compare two laws alone."""
 
 
 # `eqt log plan` ----------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from eqt_cli.base.errors import EqtError, Remedy
 from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.extensions.flights.conditions import OVER, ConditionTable
 from eqt_cli.extensions.flights.flights import FlightComparison
 from eqt_cli.extensions.flights.measured import measured_runs
 from eqt_cli.extensions.flights.prediction import Growth
@@ -253,3 +254,35 @@ def save_flights(comparison: FlightComparison, folder: Path) -> None:
         means = next(note for note in comparison.notes if note.startswith("A, B:"))
         remark = f"Dots: flights; strokes: means. {means}."
         write_all(encoded(drawing, panels, "", remark, folder / "flights"), folder)
+
+
+def save_forest(table: ConditionTable, folder: Path) -> None:
+    """Draw the ratio of each law in each condition with its interval, and over all of them.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be written.
+    """
+    with style.house_style():
+        laws = [*dict.fromkeys((cell.metric, cell.law) for cell in table.cells)]
+        drawing, panels = layout.blank_sheet("column", [[f"{m} {law}"] for m, law in laws], 1.1)
+        names = [*reversed(table.conditions), OVER]
+        for metric, law in laws:
+            axes = panels[f"{metric} {law}"]
+            axes.axvline(0, color=style.ink(0.5), linewidth=0.6)
+            cells = [x for x in table.cells if (x.metric, x.law) == (metric, law)]
+            for cell in cells:
+                at, is_over = names.index(cell.condition), cell.condition == OVER
+                value, *ends = 100 * np.array([cell.ratio, cell.low, cell.high]) - 100
+                look: Any = {"color": style.ink() if is_over else style.line_style(0)["color"]}
+                axes.plot(ends, [at] * 2, linewidth=1.6 if is_over else 0.9, **look)
+                marker = "D" if is_over else "o"
+                axes.plot(value, at, marker, markersize=4 if is_over else 3, **look)
+            axes.set_yticks(range(len(names)), names)
+            axes.set_ylim(-0.6, len(names) - 0.4)
+            axes.set_xlabel(in_words(f"{law} against {table.base}, {metric} error", "%"))
+            axes.margins(x=0.08)
+        means = next(note for note in table.notes if note.startswith("errors against"))
+        remark = f"Dots: conditions; diamonds: over all. {means.partition('; ✓')[0]}."
+        write_all(encoded(drawing, panels, "", remark, folder / "forest"), folder)
