@@ -404,16 +404,14 @@ class Lag(Actuator):
     def __post_init__(self) -> None:
         if isinstance(self.time_constant, list) and any(x == 0 for x in self.time_constant):
             axes = tuple(k for k, x in enumerate(self.time_constant) if x != 0)
-            object.__setattr__(self, "lags", axes)
+            object.__setattr__(self, "lags", axes or None)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note time constants that are wrong, and a lag along no axis."""
+        """Note time constants that are wrong."""
         super().check(G, problems)
-        here, lags = problems.at("time_constant"), self.time_constant
-        if self.lags == ():
-            here.add("expected a number above 0; remove a lag of 0 s")
+        lags: Any = self.time_constant
         for k in self.lags or ():
-            check_numbers(lags[k], here.at(k), True)
+            check_numbers(lags[k], problems.at("time_constant", k), True)
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states, one along each axis that lags."""

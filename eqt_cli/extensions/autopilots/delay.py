@@ -35,7 +35,7 @@ class Delay(Actuator):
 
     ticks: Annotated[int | list[int], Scale("delay along each axis")] = field(metadata=STRUCTURE)
 
-    def _each(self, G: MatrixLieGroup) -> Any:
+    def _ticks_by_axis(self, G: MatrixLieGroup) -> Any:
         return np.broadcast_to(self.ticks, G.dimension)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
@@ -60,6 +60,9 @@ class Delay(Actuator):
         """Return along each axis the command that has waited."""
         m = G.dimension
         return np.concatenate(
-            [x[..., m * d + k : m * d + k + 1] for k, d in enumerate(self._each(G).tolist())],
+            [
+                x[..., m * d + k : m * d + k + 1]
+                for k, d in enumerate(self._ticks_by_axis(G).tolist())
+            ],
             axis=-1,
         )

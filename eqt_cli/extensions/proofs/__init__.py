@@ -11,6 +11,7 @@ def register(extension: Extension) -> None:
     extension.add_command("verify", "commands.verify", READ, "configs/paper.yaml", after="diff")
     of_margins = "paper --set 'reference={kind: constant}'"
     extension.add_command("margins", "commands.margins", READ, of_margins, after="verify")
+    extension.add_function(purposes.remarks_on_a_result, "step_limits.remarks")
     extension.add_function(purposes.meaning_of_an_experiment, "meaning.meaning")
     extension.add_function(purposes.remarks_on_an_experiment, "slips.remarks")
     extension.add_function(purposes.worst_certified, "margins.proved_from")

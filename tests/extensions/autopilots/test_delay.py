@@ -72,7 +72,7 @@ def test_axes_lag_and_wait_on_their_own_as_in_a_plain_program(solved, engine):
         (0, {"ticks": [1, 2]}, "actuators[0].ticks: expected a number, or 6 of them, got 2"),
         (0, {"ticks": -1}, "actuators[0].ticks: expected whole numbers from 0 to 1000, got -1"),
         (0, {"ticks": 0}, "actuators[0].ticks: expected a delay above 0 along an axis"),
-        (2, {"time_constant": [0] * 6}, "actuators[2].time_constant: expected a number above 0"),
+        (2, {"time_constant": [0] * 6}, "actuators[2].time_constant[0]: …greater than 0, got 0"),
         (2, {"time_constant": [0] * 5 + [-1]}, "actuators[2].time_constant[5]: …greater than 0"),
     ],
 )
