@@ -247,6 +247,7 @@ SECTIONS = {
     "Sweeps, searches and sliders": "sweep tune worst live",
     "Metrics": "measure settling_threshold failed_when early_window closing_window metrics",
     "Requirements": "windows require",
+    "Flights": "validation",
     "Plugins": "plugins",
 }
 """The keys of a configuration in the order of its page; a new key needs a section."""

@@ -916,7 +916,7 @@ if not TYPE_CHECKING:  # which knows the keys of eqt alone
 
 
 OF_EXTENSIONS = {"extends": "merging", "live": "live", "tune": "search", "worst": "search"}
-OF_EXTENSIONS |= dict.fromkeys(("require", "windows"), "requirements")
+OF_EXTENSIONS |= dict.fromkeys(("require", "windows"), "requirements") | {"validation": "flights"}
 """The extensions of eqt that have keys, by key."""
 
 

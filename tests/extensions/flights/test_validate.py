@@ -10,9 +10,13 @@ from said import says
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
+from eqt_cli.base.files import write_record
 from eqt_cli.extend import EqtError
 from eqt_cli.extensions.flights.agreement import Verdict
 from eqt_cli.extensions.flights.flying import lap_of
+from eqt_cli.extensions.flights.statement import answers, remarks
+from eqt_cli.extensions.flights.validation import digest_of_model
 from eqt_cli.extensions.logs.logs import Series
 
 J, LIMIT, H = np.array([6.0, 7.0, 3.0]), 1.0, 0.01
@@ -184,3 +188,29 @@ def test_the_lap_of_setpoints():
     slow = Series("", t, np.stack([np.sin(t / 5), 0 * t, 0 * t], axis=-1))
     assert lap_of(slow, 0.0, 21.0) == 0
     assert lap_of(Series("", t, np.ones((700, 3))), 0.0, 21.0) == 0
+
+
+@pytest.mark.ci("runs an experiment")
+def test_a_statement_is_stored_and_said_for_the_same_plant_only(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = MODEL | {"reference": {"kind": "constant"}, "initial": {"pose": "haar"}}
+    config |= {"ensemble": {"runs": 5}, "time": {"duration": 2}}
+    digest = digest_of_model(eqt_cli.load_experiment(config).base.document)
+    said = {"answer": "a", "digest": digest, "line": "flights: confirmed: …", "speed": float("nan")}
+    write_record(tmp_path / "validation.json", said)
+    stated = config | {"validation": "validation.json"}
+    for one, words in (config, "none"), (stated, said["line"]):
+        eqt_cli.run(eqt_cli.load_experiment(one), tmp_path / words[:4]).close()
+        with open_at(tmp_path / words[:4]) as result:
+            assert answers(result)[0] == {"confirmed": words}
+            assert [*remarks(result)] == ([] if words == "none" else [words])
+    for change, words in (
+        ({"inertia": [6, 7, 4]}, "…is of another plant or of other laws…"),
+        (
+            {"validation": "no.json"},
+            "…expected a file that eqt validate --out wrote, got 'no.json'…",
+        ),
+    ):
+        with pytest.raises(EqtError) as refused:
+            eqt_cli.load_experiment(stated | change)
+        assert says(str(refused.value), words)
