@@ -104,6 +104,8 @@ class PlantFit:
     singular_values
         Singular values of the derivatives of all errors, scaled to length 1 for each number: 1
         where numbers act independently, near 0 where some act as others do.
+    covariance
+        Covariance of the numbers, without the spread between flights.
     windows, rows, horizon
         The number of disjoint windows, that of their rows, and the length of a window, s.
     document, config
@@ -116,6 +118,7 @@ class PlantFit:
     numbers: list[FittedNumber]
     residuals: list[Residual]
     singular_values: list[float]
+    covariance: list[list[float]]
     windows: int
     rows: int
     horizon: float
@@ -373,6 +376,8 @@ def fit(
     if not problem.finds_delay:
         notes += prediction.delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
     low, high = prediction.intervals(fits) + numbers
+    covariance = prediction.covariance(fits)
+    notes += _correlations(keys, covariance)
     columns = zip(keys, start, numbers, low, high, strict=True)
     residuals = []
     for part, unit, axes in windows.parts:
@@ -383,12 +388,29 @@ def fit(
         [FittedNumber(key, *map(float, values)) for key, *values in columns],
         residuals,
         singular.tolist(),
+        covariance.tolist(),
         len(fits),
         problem.rows,
         windows.horizon,
         problem.at(numbers),
         notes=tuple(notes),
     )
+
+
+TOLD = 0.5
+"""Correlation of the errors of two numbers from which it is told."""
+
+
+def _correlations(keys: Sequence[str], covariance: Array) -> list[str]:
+    """Say which numbers have errors that are correlated."""
+    sizes = np.sqrt(np.diag(covariance))
+    pairs = [(a, b) for a in range(len(keys)) for b in range(a) if sizes[a] and sizes[b]]
+    shares = {(a, b): float(covariance[a, b] / (sizes[a] * sizes[b])) for a, b in pairs}
+    return [
+        f"The errors of {keys[b]} and {keys[a]} are correlated by {share:.2f}: draw both together."
+        for (a, b), share in shares.items()
+        if abs(share) >= TOLD
+    ]
 
 
 FITTED = "fitted.yaml"

@@ -634,14 +634,8 @@ def intervals(fits: Sequence[Linear]) -> Array:
     """
     from scipy.special import stdtrit  # slow to import
 
-    lengths = norm(np.concatenate([one.derivatives for one in fits]).T)
-    J = [one.derivatives / lengths for one in fits]
-    A = np.array([jacobian.T @ jacobian for jacobian in J])
-    inverse, root = np.linalg.inv(A.sum(axis=0)), _power(A, 0.5)
-    free = np.eye(len(inverse)) - root @ inverse @ root
-    C = inverse @ root @ _power(free, -0.5) @ _power(A, -0.5)  # A⁻¹u_w = C_w J_wᵀr_w
-    pulls = np.array([jacobian.T @ one.residuals for jacobian, one in zip(J, fits, strict=True)])
-    sizes = norm((C @ pulls[..., None])[..., 0].T)
+    pulls, lengths, inverse, C, A = _sandwich(fits)
+    sizes = norm(pulls.T)
     # Covariances of the terms, (p, windows, windows), if all errors are white.
     diagonal = np.einsum("wki,wij,wkj->kw", C, A, C)
     shared = np.einsum("wki,kvi->kwv", C @ A @ inverse, (C @ A).swapaxes(0, 1))
@@ -649,6 +643,24 @@ def intervals(fits: Sequence[Linear]) -> Array:
     freedom = np.trace(covariance, axis1=1, axis2=2) ** 2 / np.sum(covariance**2, axis=(1, 2))
     half = stdtrit(freedom, 0.975) * sizes / lengths
     return np.stack([-half, half])
+
+
+def covariance(fits: Sequence[Linear]) -> Array:
+    """Return the covariance of the fitted numbers, ``(p, p)``, the sandwich of `intervals`."""
+    pulls, lengths, *_ = _sandwich(fits)
+    return np.asarray(pulls.T @ pulls / np.outer(lengths, lengths))
+
+
+def _sandwich(fits: Sequence[Linear]) -> tuple[Array, Array, Array, Array, Array]:
+    """Return the terms C_w J_wᵀr_w ``(windows, p)`` of numbers scaled by lengths, and the rest."""
+    lengths = norm(np.concatenate([one.derivatives for one in fits]).T)
+    J = [one.derivatives / lengths for one in fits]
+    A = np.array([jacobian.T @ jacobian for jacobian in J])
+    inverse, root = np.linalg.inv(A.sum(axis=0)), _power(A, 0.5)
+    free = np.eye(len(inverse)) - root @ inverse @ root
+    C = inverse @ root @ _power(free, -0.5) @ _power(A, -0.5)  # A⁻¹u_w = C_w J_wᵀr_w
+    pulls = np.array([jacobian.T @ one.residuals for jacobian, one in zip(J, fits, strict=True)])
+    return (C @ pulls[..., None])[..., 0], lengths, inverse, C, A
 
 
 def _power(A: Array, exponent: float) -> Array:

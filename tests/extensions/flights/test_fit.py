@@ -23,7 +23,7 @@ from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import build
 from eqt_cli.extend import group_named
-from eqt_cli.extensions.flights.prediction import Replay, by_rotors
+from eqt_cli.extensions.flights.prediction import Linear, Replay, by_rotors, covariance
 from eqt_cli.extensions.logs.recording import read_log
 from eqt_cli.extensions.logs.recording_check import LogReference, recording_of
 from eqt_cli.extensions.thrusters.propellers import Propellers
@@ -129,6 +129,18 @@ def test_first_velocities_that_were_not_recorded_are_found(recorded):
     (inertia,) = found.numbers
     assert inertia.low < RELATIVE < inertia.high
     assert [each.part for each in found.residuals] == ["rotation"]
+
+
+def test_the_covariance_is_that_of_least_squares():
+    """Of white errors of size 2, it is 4 (JᵀJ)⁻¹; 2,000 windows give it to 1/√1000, five sigma."""
+    random = np.random.default_rng(1)
+    J = random.normal(size=(2000, 8, 2)) @ np.array([[1.0, 0.8], [0.0, 30.0]])
+    state = np.zeros(0)
+    fits = [Linear(2 * random.normal(size=8), one, state) for one in J]
+    expected = 4 * np.linalg.inv(np.einsum("wki,wkj->ij", J, J))
+    sizes = np.sqrt(np.diag(expected))
+    difference = (covariance(fits) - expected) / np.outer(sizes, sizes)
+    assert abs(difference).max() < 5 / np.sqrt(1000)
 
 
 MISTAKES = {
