@@ -20,7 +20,8 @@ def predictions_of(
 ) -> list[Array]:
     """Return the logarithms of what a table predicts for the flights of sides.
 
-    It has a row for each flight, with columns ``file`` (relative to its folder) and ``predicted``;
+    It has a row for each flight, with columns ``file`` (a path from its folder, or a name), or
+    ``flight`` as `eqt validate --predictions` writes it, and ``predicted``;
     with a column ``law``, a row for each flight and law, of which those of one law are taken: that
     of B, if it stands for all flights.
 
@@ -34,8 +35,10 @@ def predictions_of(
         loses = "fewer lose more by fitting its slope than it gives (5 pairs: a third)"
         raise EqtError(f"model: {least}, got {len(sides[0])}; {loses}")
     table: dict[str, dict[Path, float]] = defaultdict(dict)
-    for place, row in rows_of(path, "file", "predicted"):
-        number, file = row["predicted"], (path.parent / row["file"]).resolve()
+    of_name = {f"{x.file.name} {x.begin}".strip(): x.file for side in sides for x in side}
+    for place, row in rows_of(path, "predicted"):
+        number, name = row["predicted"], row.get("file") or row.get("flight", "")
+        file = of_name.get(name, path.parent / name).resolve()
         try:
             value = float(number)
         except ValueError:
@@ -44,7 +47,7 @@ def predictions_of(
             raise EqtError(f"{place}: predicted: expected an error above 0, got '{number}'")
         of_law = table[row.get("law", "")]
         if of_law.setdefault(file, value) != value:
-            raise EqtError(f"{place}: file: '{row['file']}' has two predictions of one law")
+            raise EqtError(f"{place}: file: '{name}' has two predictions of one law")
     if not table:
         raise EqtError(f"{path}: has no rows; give one for each flight")
     files = [[flight.file.resolve() for flight in side] for side in sides]

@@ -161,6 +161,17 @@ def test_predictions_of_one_law_are_taken(fly):
     assert says(said, "model.csv: no prediction by law a of…b0.ulg; expected one of every flight…")
 
 
+def test_the_table_of_validate_is_read(fly):
+    """It names flights without their folders, and stands elsewhere."""
+    wind = np.r_[A / 0.2, B / 0.3] * np.exp(0.05 * RNG.normal(size=20))
+    files = with_model(fly, wind)
+    expected = compare_flights(*files, model="model.csv").pairs
+    Path("there").mkdir()
+    text = Path("model.csv").read_text().replace("file,measured", "flight,law")
+    Path("there/predicted.csv").write_text(text)
+    assert compare_flights(*files, model="there/predicted.csv").pairs == expected
+
+
 def test_predictions_that_know_the_law_are_refused(fly):
     said = refusal(EqtError, compare_flights, *with_model(fly, [*A, *B]), model="model.csv")
     assert says(said, "model.csv: predictions of A are −…% against those of B, which flights in…")
