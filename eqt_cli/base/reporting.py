@@ -192,9 +192,9 @@ _UNIT = r"(?:%|\(N m\)² s|N m\b|(?:deg|rad|kg|1|N|J|m|s)\b(?:/s)?)"
 
 WORD = re.compile(
     r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|p = \d|N m\b|\(N m\)² s"
-    rf"|(?<=[\d\]]) {_UNIT}|(?<=\w) − (?=\w)| [✓✗=?](?!\S)|\S)+"
+    rf"|(?<=[\d\]]) {_UNIT}|(?<=\w) − (?=\w)| [✓✗=?](?!\S)|--set '[^']{{1,70}}'|\S)+"
 )
-"""A piece of a text that stays on one line: a word, a norm, two laws, a number with its unit."""
+"""A piece of a text that stays on one line: a word, a norm, a number with its unit, an option."""
 
 
 def words(text: str) -> list[str]:
