@@ -623,6 +623,7 @@ def compared(
             range(len(sides[1]), len(sides[0]) + len(sides[1])),
             range(len(sides[1])),
         ]
-        lines += remarks_on_drift(sides, shared[0], where)
+        used = [place[: len(side)] for place, side in zip(where, sides, strict=True)]
+        lines += remarks_on_drift(sides, shared[0], used)
         notes[-1:-1] = remarks_on_flights(sides, shared[0])
     return FlightComparison(flights, pairs, differing, lines, notes, findings, design.paired)
