@@ -1,6 +1,7 @@
 """Runs that ended at the limit of steps: whether their loops are unstable."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,8 @@ def remarks(result: ResultFile) -> Iterator[str]:
     of: Any = result
     if not getattr(of, "status", np.zeros(0)).any() or of.is_sweep:
         return
-    places = of.failures[:100]
-    messages = zip(places, of.messages(places), strict=True)
-    laws = sorted({of.labels[where[0]] for where, said in messages if LIMIT in said})
-    if not laws:
-        return
-    rates = _rates(of)
+    laws = _laws(of)
+    rates = _rates(of) if laws else {}
     for label in laws:
         rate = rates.get(label)
         if rate is not None and rate > 0:
@@ -35,6 +32,15 @@ def remarks(result: ResultFile) -> Iterator[str]:
             )
         elif rate is not None:
             yield f"{label} ended at solver.max_steps, though its small errors decay"
+
+
+def _laws(result: Any) -> list[str]:
+    """Return the laws with such runs; none of a result without messages."""
+    with suppress(EqtError):
+        places = result.failures[:100]
+        messages = zip(places, result.messages(places), strict=True)
+        return sorted({result.labels[where[0]] for where, said in messages if LIMIT in said})
+    return []
 
 
 def _rates(result: Any) -> dict[str, float]:
