@@ -176,8 +176,8 @@ def test_one_component(eqt):
     assert {"attitude", "position", "position.kx", "along"} <= set(named)
     at = next(k for k, line in enumerate(lines) if line.startswith("example, "))
     assert lines[at].endswith("`eqt run planar_vtol`:")
-    shown = "\n".join(lines[at + 1 :]).partition("named or described with")[0]
-    example = yaml.safe_load(shown)
+    end = next(k for k, line in enumerate(lines) if line.startswith("about "))
+    example = yaml.safe_load("\n".join(lines[at + 1 : end]))
     whole = yaml.safe_load(shipped.text("planar_vtol"))
     assert example["controllers"] == whole["controllers"][:1]
 

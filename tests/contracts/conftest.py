@@ -49,7 +49,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "length": [200.0, 150.0, 50.0]},
     "payload": {"mass": 0.3, "at": [0.1, -0.1, 0.2], "since": 0.5},
     "limit": {"limit": 0.5},
-    "delay": {"ticks": 2},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
     "scale": {"factor": 0.8},

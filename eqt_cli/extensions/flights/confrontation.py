@@ -73,6 +73,31 @@ def validate(
     EqtError
         If the flights cannot be compared, a law is not in the model, a run fails, or the model
         was fitted on these flights.
+
+    Examples
+    --------
+    Six flights of a body that turns back from 0.05 rad, whose damping differs:
+
+    >>> import numpy as np
+    >>> t, rows = np.linspace(0, 10, 101), [("file", "law", "gains.k_Omega")]
+    >>> for k, d in enumerate((0.4, 0.6, 0.8, 1.0, 1.2, 1.4)):
+    ...     w = np.sqrt(1 - d**2 / 4)
+    ...     angle = 0.05 * np.exp(-d * t / 2) * (np.cos(w * t) + d / 2 / w * np.sin(w * t))
+    ...     flown = np.c_[t, 0 * t, 0 * t, np.sin(angle / 2), np.cos(angle / 2)]
+    ...     flown = np.c_[flown, 0 * t, 0 * t, 0 * t, 0 * t + 1]
+    ...     head = "t,qx,qy,qz,qw,qx_ref,qy_ref,qz_ref,qw_ref"
+    ...     np.savetxt(f"{k}.csv", flown, delimiter=",", header=head, comments="")
+    ...     rows.append((f"{k}.csv", "lee", d))
+    >>> np.savetxt("flights.csv", rows, "%s", ",")
+    >>> model = {
+    ...     "group": "SO3",
+    ...     "inertia": [1, 1, 1],
+    ...     "reference": {"kind": "waypoints", "file": "setpoints.csv"},
+    ...     "controllers": [{"kind": "lee2010", "label": "lee"}],
+    ...     "gains": {"k_R": 1, "k_Omega": 1},
+    ... }
+    >>> eqt_cli.validate("flights.csv", model).agreement.share.value
+    1.0
     """
     path = path_from("flights", flights)
     if not is_list(path):
