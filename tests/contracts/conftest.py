@@ -51,6 +51,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
+    "delay": {"ticks": [1, 2, 0, 3, 1, 2]},
     "scale": {"factor": 0.8},
     "quantisation": {"resolution": 0.4},
     "momentum_limit": {"momentum": 0.5},
