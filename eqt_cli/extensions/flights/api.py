@@ -241,6 +241,9 @@ def compare_conditions(
     [('all', 'better'), ('0', 'better'), ('5', 'better')]
     """
     literal(Literal["rms", "median", "largest"], "of", of)
+    if not is_list(path):
+        writes = "`eqt log check FOLDER --out flights.csv` writes one"
+        raise EqtError(f"path: expected a list of flights with column {by}, got {path}; {writes}")
     rows = read_list(path_from("path", path))
     laws = [*dict.fromkeys(x.law for x in rows)]
     if against not in laws:

@@ -18,6 +18,9 @@ RESAMPLES = 9_999
 LEAST_PAIRS_OF_A_MODEL = 12
 """Fewer pairs lose more by fitting a model than it gives: 5 of them, a third of the precision."""
 
+SPREAD = 1e-20
+"""Least squared spread of predictions, relative to their squares, that is none of rounding."""
+
 SPLITS = 60
 """Number of ways in which the flights of a side are halved."""
 
@@ -101,7 +104,8 @@ def difference_by_model(
     ]
     both = sum((z * c).sum(axis=-1) for z, c in within)
     squares = sum((c**2).sum(axis=-1) for _, c in within)
-    slope = np.divide(both, squares, where=squares > 0, out=np.zeros_like(both))
+    least = SPREAD * sum((c**2).sum(axis=-1) for _, c in sides)
+    slope = np.divide(both, squares, where=squares > least, out=np.zeros_like(both))
     rest = [((z - slope[..., None] * c) ** 2).sum(axis=-1) for z, c in within]
     apart = means[0][1] if paired else means[0][1] - means[1][1]
     value = (means[0][0] if paired else means[0][0] - means[1][0]) - slope * apart
@@ -111,7 +115,7 @@ def difference_by_model(
     parts = [s / (size - 1) * fewer / size for s, size in zip(rest, sizes, strict=True)]
     with np.errstate(invalid="ignore", divide="ignore"):
         welch = sum(parts) ** 2 / sum(p**2 / (n - 1) for p, n in zip(parts, sizes, strict=True))
-        more = np.nan_to_num(apart**2 * sum(rest) / (freedom - 1) / squares)
+        more = np.where(squares > least, apart**2 * sum(rest) / (freedom - 1) / squares, 0)
         t = np.nan_to_num(stdtrit(welch - 1, (1 + confidence) / 2))
     half, spread = (
         t * np.sqrt(sum(parts) + more),
@@ -146,9 +150,8 @@ def permutation_test_by_model(x: Array, y: Array, of_x: Array, of_y: Array, pair
     ways = np.vstack([flown, ways])
     apart, of_model = ways @ z, ways @ c
     squares = (c**2).sum() - size * of_model**2
-    slope = np.divide(
-        (z * c).sum() - size * of_model * apart, squares, where=squares > 0, out=0 * apart
-    )
+    some = squares > 1e-14 * (c**2).sum()  # a difference of sums
+    slope = np.divide((z * c).sum() - size * of_model * apart, squares, where=some, out=0 * apart)
     distance = np.abs(apart - slope * of_model)
     further = np.count_nonzero(distance[1:] >= distance[0] * (1 - 1e-12))
     return further / len(ways[1:]) if few else (further + 1) / len(ways)

@@ -63,8 +63,8 @@ def predictions_of(
             "law: predictions by each flight's own law contain the difference that is asked for"
         )
     logs = [np.log([table[whole[0]][file] for file in side]) for side in files]
-    is_named = bool(whole[0]) or paired or len(sides) != 2
-    if not is_named and permutation_test(logs[0], logs[1], False) <= UNLIKELY:
+    is_named = bool(whole[0]) or len(sides) != 2
+    if not is_named and permutation_test(logs[0], logs[1], paired) <= UNLIKELY:
         ratio = f"{100 * np.expm1(logs[0].mean() - logs[1].mean()):+.0f}".replace("-", "−")
         raise EqtError(
             f"{path}: predictions of A are {ratio} % against those of B, which flights in "

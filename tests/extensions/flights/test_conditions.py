@@ -133,6 +133,5 @@ def test_slips_with_conditions(flights, columns, arguments, said):
     if columns:
         lines = [line for line in lines if not line.startswith(columns)]
     Path(flights).write_text("\n".join(lines))
-    assert says(
-        refusal(EqtError, compare_conditions, flights, **{"against": "old"} | arguments), said
-    )
+    named = {"path": flights, "against": "old"} | arguments
+    assert says(refusal(EqtError, compare_conditions, **named), said)

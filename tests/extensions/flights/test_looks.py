@@ -185,6 +185,17 @@ def test_predictions_that_know_the_law_are_refused(fly):
     assert says(said, "model.csv: predictions of A are −…% against those of B, which flights in…")
 
 
+def test_predictions_of_pairs_that_know_the_law_are_refused(fly):
+    """They would explain the difference itself."""
+    x = 0.2 * np.exp(0.02 * np.arange(-6, 6))
+    of_a, of_b = fly(x, 1.5 * x[::-1])
+    known = [*x, *(1.5 * x[::-1])]
+    rows = [f"{name},{y:.6f}" for name, y in zip([*of_a, *of_b], known, strict=True)]
+    Path("model.csv").write_text("\n".join(["file,predicted", *rows]))
+    said = refusal(EqtError, compare_flights, of_a, of_b, model="model.csv", pair=True)
+    assert says(said, "model.csv: predictions of A are −33 % against those of B, which flights in…")
+
+
 def test_few_pairs_are_refused_with_a_model(fly):
     files = with_model(fly, [*A, *B])
     said = refusal(EqtError, compare_flights, *files, model="model.csv", pair=True)

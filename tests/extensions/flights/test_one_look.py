@@ -36,6 +36,17 @@ def test_the_difference_by_a_model_is_that_of_a_regression():
     assert ends == pytest.approx((pairs.intercept, pairs.intercept - half, pairs.intercept + half))
 
 
+def test_predictions_that_differ_by_rounding_explain_nothing():
+    """The differences of pairs are ln 0.1 − ln 0.15 but for rounding."""
+    x, y = RNG.normal(size=(2, 14))
+    of_x, of_y = np.log(0.1 * np.arange(1, 15)), np.log(0.15 * np.arange(1, 15))
+    plain, _ = difference(x, y, True, 0.95)
+    ends, _ = difference_by_model(x, y, of_x, of_y, True, 0.95)
+    assert ends.value == pytest.approx(plain.value)
+    assert ends.high - ends.low == pytest.approx(plain.high - plain.low, rel=0.06)
+    assert 0 < permutation_test_by_model(x, y, of_x, of_y, True) <= 1
+
+
 def test_the_test_by_a_model_tries_all_ways():
     z, c = np.r_[X, Y], np.r_[OF_X, OF_Y]
     flown = abs(regressed(z, np.repeat([1.0, 0.0], 6), c)) - 1e-12
