@@ -15,7 +15,12 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, count_of, significant
 from eqt_cli.base.version import GROWN_FROM
 from eqt_cli.extensions.requirements import shares
-from eqt_cli.extensions.requirements.errors import between_samples, largest_changes, share_within
+from eqt_cli.extensions.requirements.errors import (
+    between_samples,
+    largest_changes,
+    samples_of,
+    share_within,
+)
 from eqt_cli.extensions.requirements.keys import NamedWindow, Requirement
 from eqt_cli.extensions.requirements.margins import STORED
 from eqt_cli.extensions.requirements.reading import (
@@ -27,7 +32,7 @@ from eqt_cli.extensions.requirements.reading import (
     window_of,
 )
 from eqt_cli.results.conclusion import conclusion_of, words_of
-from eqt_cli.results.quantity import Window
+from eqt_cli.results.quantity import WHOLE, Window
 from eqt_cli.results.result import Result
 from eqt_cli.results.result import window_of as window_of_metrics
 
@@ -246,7 +251,9 @@ def _of_runs(
     assert requirement.share is not None
     level, good = 1 - requirement.confidence, result.good[row]
     unit, limit, sure, possible, apart = _bounds_kept(result, requirement, over, row)
-    name = in_words(requirement, _bound(requirement, limit, unit), over)
+    name = in_words(
+        requirement, _bound(requirement, limit, unit), over or _window_of(result, requirement)
+    )
     earlier = tuple(result.provenance.get(GROWN_FROM, ()))
     sure, possible = np.where(good, sure, 0.0), np.where(good, possible, 0.0)
     n = len(good)
@@ -268,6 +275,13 @@ def _of_runs(
         way = "at least" if statement.word == "meets" else "at most"
         why = f"{way} {_percent(shown, up=statement.word == 'fails')} %"
     return Finding(name, law, seen, statement, why, requirement)
+
+
+def _window_of(result: Result, requirement: Requirement) -> Window | None:
+    """Return the window that `measure`, or the metric itself, gives; None for whole runs."""
+    quantity = result.comparable.get(requirement.metric)
+    window = quantity.window if quantity else window_of_metrics(result)
+    return None if window == WHOLE else window.within(result.times)
 
 
 def _percent(share: float, *, up: bool) -> str:
@@ -323,12 +337,19 @@ def _bounds_kept(
     inside = (times >= window.start - 1e-9) & (times <= window.stop + 1e-9)
     unit, (_, factor) = result.units(signal), result.shown_in(signal, result.units(signal))
     limit = limit_of(requirement, unit)
-    if requirement.relative and name == ANGLE:
-        x = largest_changes(result, row, times, requirement.relative)
+    is_relative = requirement.relative and name == ANGLE
+    before = samples_of(requirement.relative, times) if requirement.relative and is_relative else 0
+    inside[:] = inside & (np.cumsum(inside) > before)  # an exposure lies in the window
+    pairs = inside[1:] & inside[:-1]
+    if not pairs.any():
+        raise result.error(f"holds too few samples between {window} s; raise time.samples")
+    if is_relative:
+        x = largest_changes(result, row, before)
     else:
         x = result.read(signal, controller=row) * factor
-    x = np.nan_to_num(x[:, inside], nan=np.inf if is_upper else -np.inf)
+    x = np.nan_to_num(x, nan=np.inf if is_upper else -np.inf)
     more = between_samples(x) if signal not in result.described.holds else np.zeros_like(x[:, 1:])
+    x, more = x[:, inside], more[:, pairs]
     if requirement.of != "ensemble":
         sure = share_within(x, limit, more, upper=is_upper)
         return unit, limit, sure, share_within(x, limit, 0 * more, upper=is_upper), apart

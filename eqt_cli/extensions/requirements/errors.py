@@ -20,7 +20,7 @@ def between_samples(x: Array) -> Array:
     """
     bends = MORE * np.abs(np.diff(x, n=2, axis=1)) / 8
     if not bends.shape[1]:
-        return np.zeros_like(x[:, 1:])
+        return np.full_like(x[:, 1:], np.inf)
     bends = np.pad(np.where(np.isfinite(bends), bends, np.inf), ((0, 0), (1, 1)), mode="edge")
     return np.maximum(bends[:, 1:], bends[:, :-1])
 
@@ -45,12 +45,22 @@ def share_within(x: Array, limit: float, more: Array, *, upper: bool) -> Array:
     return np.clip(np.nan_to_num(part), 0, 1).mean(axis=1)
 
 
-def largest_changes(result: Result, row: int, times: Array, exposure: float) -> Array:
+def samples_of(exposure: float, times: Array) -> int:
+    """Return how many samples after its first one an exposure takes, at least as long as it is."""
+    return int(np.ceil(exposure / (times[1] - times[0]) - 1e-6))
+
+
+def largest_changes(result: Result, row: int, length: int) -> Array:
     """Return the largest angle from the mean error over the exposure that ends at a sample, deg.
 
     The error is the vector of the rotation Q_dᵀ Q; ECSS-E-ST-60-10C calls the largest distance from
     its mean over an exposure the relative performance error. Samples before the first whole
-    exposure have 0. ``(runs, times)``
+    exposure have the value of this one. ``(runs, times)``
+
+    Parameters
+    ----------
+    length
+        The number of samples of an exposure after its first one.
     """
     from scipy.spatial.transform import Rotation
 
@@ -58,13 +68,11 @@ def largest_changes(result: Result, row: int, times: Array, exposure: float) -> 
     turned = np.swapaxes(desired[..., :3, :3], -1, -2) @ poses[..., :3, :3]
     vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec(degrees=True)
     vectors = vectors.reshape(*turned.shape[:2], 3)
-    length = round(exposure / (times[1] - times[0]))
     largest = np.zeros(turned.shape[:2])
-    if length >= turned.shape[1]:
-        length = turned.shape[1] - 1
     shown = np.lib.stride_tricks.sliding_window_view(vectors, length + 1, axis=1)
     for start in range(shown.shape[1]):
         window = shown[:, start]  # (runs, 3, length + 1)
         away = window - window.mean(axis=-1, keepdims=True)
         largest[:, start + length] = np.linalg.norm(away, axis=1).max(axis=-1)
+    largest[:, :length] = largest[:, length, None]
     return largest

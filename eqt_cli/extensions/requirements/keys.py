@@ -41,9 +41,9 @@ class Requirement(Section):
     of_runs
         Of a temporal requirement: the share of the runs of which it must hold.
     window
-        The name of one of `windows`, or {start: 200 s, stop: 320 s}. Default: the whole run.
+        The name of one of `windows`, or {start: 200 s, stop: 320 s}. Default: that of `measure`.
     relative
-        An exposure, s: the error counts from its mean over each such time. Only of
+        An exposure, s: the error counts from its mean over each such time in the window. Only of
         attitude_angle.
     confidence
         How sure *meets* and *fails* are, each one-sided.

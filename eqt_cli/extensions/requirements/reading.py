@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eqt_cli.base import purposes
+from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.option_types import Written, number_of, shown, validated
 from eqt_cli.base.stored import Better
 from eqt_cli.base.units import base_of, factor, offered
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.extensions.requirements.errors import samples_of
 from eqt_cli.extensions.requirements.keys import NamedWindow, Requirement
 from eqt_cli.loop.signals import existing
 from eqt_cli.results.metrics import METRICS, own_quantity, peak
@@ -42,11 +44,17 @@ class Meaning(NamedTuple):
         Which values are.
     signal
         The signal over time of which it is the largest value, or which it is; "" of others.
+    windowed
+        Whether it can be taken over a window.
+    stored
+        Whether results hold it without samples.
     """
 
     unit: str
     better: Better
     signal: str = ""
+    windowed: bool = True
+    stored: bool = True
 
 
 def is_peak(quantity: Measure) -> bool:
@@ -113,10 +121,10 @@ def _check_window(
         problems.add(f"expected 0 <= start < stop, got {window.start:g} s and {stop:g} s")
     elif window.start >= duration or stop > duration:
         problems.add(f"is after the end of the runs, which last {duration:g} s; end it there")
-    elif np.count_nonzero((experiment.times >= window.start) & (experiment.times <= stop)) < 2:
+    elif np.count_nonzero(_inside(_stored_times(experiment), window.start, stop)) < 2:
         problems.add(
             f"holds fewer than two samples between {window.start:g} and {stop:g} s; raise "
-            "time.samples"
+            "time.samples, or lower store.decimate"
         )
 
 
@@ -138,6 +146,8 @@ def _wrong(
         listed = ", ".join(windows) or "none"
         hint = suggestion(requirement.window, windows) or f"; `windows` has {listed}"
         yield f"window: no window '{requirement.window}'{hint}"
+    elif requirement.window and not meaning.windowed and name not in MARGINS:
+        yield f"window: {name} is a number of whole runs; remove it"
     if name in MARGINS:
         keys = ("share", "of_runs", "window", "relative")
         over = [key for key in keys if getattr(requirement, key) is not None]
@@ -148,7 +158,7 @@ def _wrong(
     yield from _wrong_share(requirement, meaning)
     yield from _wrong_exposure(requirement, experiment)
     is_over_time = requirement.of != "ensemble" or name == meaning.signal
-    needs = requirement.window or requirement.relative or is_over_time
+    needs = requirement.window or requirement.relative or is_over_time or not meaning.stored
     if needs and experiment.config.store.trajectories != "all":
         yield "needs samples of all runs; set store.trajectories to all"
 
@@ -190,9 +200,23 @@ def _wrong_exposure(requirement: Requirement, experiment: Experiment) -> Iterato
         return
     if requirement.metric != ANGLE:
         yield f"relative: is about {ANGLE}, and metric is {requirement.metric}"
-    elif requirement.relative < 2 * experiment.times[1] * (1 - 1e-9):
-        apart = experiment.times[1] * experiment.config.store.decimate
-        yield f"relative: an exposure needs three samples, and they are {apart:g} s apart"
+        return
+    times = _stored_times(experiment)
+    if requirement.relative < 2 * times[1] * (1 - 1e-9):
+        yield f"relative: an exposure needs three samples, and they are {times[1]:g} s apart"
+    named, windows = requirement.window, getattr(experiment.config, "windows", None) or {}
+    over = windows.get(named) if isinstance(named, str) else named or experiment.config.measure
+    inside = _inside(times, over.start, over.stop) if over else np.ones(len(times), bool)
+    if np.count_nonzero(inside) < samples_of(requirement.relative, times) + 2:
+        yield f"relative: no exposure of {requirement.relative:g} s lies in the window; shorten it"
+
+
+def _stored_times(experiment: Experiment) -> Array:
+    return experiment.times[:: experiment.config.store.decimate] - experiment.times[0]
+
+
+def _inside(times: Array, start: float, stop: float | None) -> Array:
+    return (times >= start - 1e-9) & (times <= (math.inf if stop is None else stop) + 1e-9)
 
 
 def _meanings(experiment: Experiment) -> dict[str, Meaning]:
@@ -202,7 +226,7 @@ def _meanings(experiment: Experiment) -> dict[str, Meaning]:
     meanings = {
         name: meaning for name, meaning in by_law[0].items() if all(name in x for x in by_law)
     }
-    meanings |= {row.name: Meaning(row.units, row.better) for row in of_user}
+    meanings |= {row.name: Meaning(row.units, row.better, windowed=row.windowed) for row in of_user}
     return meanings | {name: Meaning(*about) for name, about in MARGINS.items()}
 
 
@@ -213,17 +237,21 @@ def _of_loop(loop: Any) -> dict[str, Meaning]:
         for name, (signal, part) in signals.items()
         if signal.exists_for(loop)
     }
-    numbers = {k for k, (signal, _) in signals.items() if not signal.dims and not signal.only_there}
+    held = {k for k, (signal, _) in signals.items() if signal.stored_of(loop.vehicle)}
+    numbers = {k for k in held if not (signals[k][0].dims or signals[k][0].only_there)}
     meanings = {
         k: Meaning(u, "lower", k) for k, u in units.items() if k in numbers and u != "mixed"
     }
     for row in METRICS:
         parts = [part.name for part in loop.group.parts]
         for of in (row, *(row.part(name) for name in parts if row.parted)):
-            if of.signals and set(of.signals) <= set(units):
+            stored = of.stored and of.stored_of(loop.vehicle)
+            if of.signals and set(of.signals) <= set(units) and (stored or {*of.signals} <= held):
                 unit = of.unit(units[of.signals[0]])
                 signal = of.signals[0] if is_peak(of) else ""
-                meanings[of.name] = Meaning(unit, of.better, signal)
+                meanings[of.name] = Meaning(
+                    unit, of.better, signal, of.windowed, stored or of.implied_by is not None
+                )
     return meanings
 
 

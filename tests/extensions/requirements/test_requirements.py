@@ -65,17 +65,38 @@ def test_counts_are_those_of_the_samples(flown, invoke):
 
 
 def test_an_exposure_is_about_its_mean(flown):
-    from eqt_cli.extensions.requirements.errors import largest_changes
+    from eqt_cli.extensions.requirements.errors import largest_changes, samples_of
 
     with open_result(flown) as result:
         R = result.read("desired_pose").swapaxes(-1, -2) @ result.read("pose", controller=0)[7]
-        found = largest_changes(result, 0, result.times, 1.0)[7]
+        found = largest_changes(result, 0, samples_of(1.0, result.times))[7]
     angle = np.arccos(np.clip((np.trace(R, axis1=-2, axis2=-1) - 1) / 2, -1, 1))
     axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], 1)
     e = np.degrees(angle / 2 / np.sin(angle))[:, None] * axis
     part = e[100:121]  # the second that ends at 6 s
     largest = np.linalg.norm(part - part.mean(0), axis=1).max()
     assert found[120] == pytest.approx(largest, rel=1e-7)  # poses leave the group by 1e-8
+    assert (found[:20] == found[20]).all()  # no time before the first exposure counts as kept
+    assert samples_of(1.02, np.arange(0, 10, 0.05)) == 21
+
+
+def test_exposures_lie_within_the_window(flown):
+    from eqt_cli.extensions.requirements.answers import findings
+    from eqt_cli.extensions.requirements.errors import largest_changes, samples_of
+    from eqt_cli.extensions.requirements.keys import NamedWindow, Requirement
+
+    window = NamedWindow(start=4, stop=6)
+    asked = Requirement(
+        metric="attitude_angle", max="20 deg", share=0.5, relative=1.5, window=window
+    )
+    with open_result(flown) as result:
+        finding = next(findings(result, [asked], {}))
+        ends = result.times >= 5.5 - 1e-9
+        changes = largest_changes(result, 0, samples_of(1.5, result.times))
+    ends &= np.arange(201) <= 120
+    kept = int(np.sum(changes[:, ends].max(axis=1) <= 20))
+    assert abs(int(finding.seen.split("/")[0]) - kept) <= 1
+    assert kept != np.sum(changes[:, 80:121].max(axis=1) <= 20)  # these begin before it
 
 
 def test_a_peak_between_samples_is_not_shown():
@@ -152,6 +173,9 @@ def test_a_window_by_its_name(flown, invoke):
         ({"metric": "delay_margin", "max": None, "min": "1 ms"}, "require[0]", "remove share"),
         ({"relative": "1 s"}, "require[0]", "attitude_angle"),
         ({"metric": "attitude_angle", "relative": "60 ms"}, "require[0]", "three samples"),
+        ({"metric": "attitude_angle", "relative": "5 s"}, "require[0]", "no exposure of 5 s"),
+        ({"metric": "settling_time", "max": "9 s"}, "require[0]", "a number of whole runs"),
+        ({"metric": "saturated_share", "max": 1}, "require[0]", "no 'saturated_share'"),
         ({"of_runs": 0.5}, "require[0]", "of: temporal"),
         ({"looks": 0}, "require[0].looks", "at least 1, got 0"),
         ({"metrik": "x"}, "require[0]", "metric"),
