@@ -508,19 +508,22 @@ def remarks_on_flights(sides: Sequence[list[Flown]], metric: str) -> Iterator[st
 
 
 def remarks_on_drift(
-    sides: Sequence[list[Flown]], metric: str, places: Sequence[Sequence[int]]
+    sides: Sequence[list[Flown]], metric: str, places: Sequence[Sequence[int]], *, is_order: bool
 ) -> Iterator[str]:
-    """Say that errors change from flight to flight, if one side was flown before the other."""
+    """Say that errors change from flight to flight, with one side flown before the other.
+
+    Where no list gives the order (`is_order`), files may have been flown in turns.
+    """
     logs = [np.log([flight.errors[metric] for flight in side]) for side in sides]
     slope, p = one_look.drift(logs, places)
     bias = slope * float(np.mean(places[0]) - np.mean(places[1]))
     if p <= LEAST_P_OF_A_DRIFT and abs(bias) > WORTH_TELLING:
         first = "B" if np.mean(places[0]) > np.mean(places[1]) else "A"
+        when = f"with {first} flown first" if is_order else f"if all of {first} was flown first"
         change, alone = (f"{100 * math.expm1(x):+.1f}".replace("-", "−") for x in (slope, bias))
         yield (
             f"drift: {metric} errors change by {change} % from flight to flight on both sides (p "
-            f"{p:.2g}); with {first} flown first, that alone makes A {alone} % against B: fly in "
-            "turns, or in pairs"
+            f"{p:.2g}); {when}, that alone makes A {alone} % against B: fly in turns, or in pairs"
         )
 
 
@@ -624,6 +627,6 @@ def compared(
             range(len(sides[1])),
         ]
         used = [place[: len(side)] for place, side in zip(where, sides, strict=True)]
-        lines += remarks_on_drift(sides, shared[0], used)
+        lines += remarks_on_drift(sides, shared[0], used, is_order=bool(places))
         notes[-1:-1] = remarks_on_flights(sides, shared[0])
     return FlightComparison(flights, pairs, differing, lines, notes, findings, design.paired)

@@ -130,12 +130,15 @@ def test_two_folders_are_before_and_after(fly):
 def test_a_drift_with_one_side_first_is_told(fly):
     drift = 0.2 * np.exp(0.05 * np.arange(12) + 0.01 * RNG.normal(size=12))
     said = compare_flights(*fly(drift[6:], drift[:6])).premises[-1]
-    assert says(said, "drift: position errors change by +5…% from flight to flight…B flown first…")
+    assert says(said, "drift: position errors change by +5…%…if all of B was flown first, that…")
     order = "abbaabbaabba"
     names = [[*fly(*(drift[[x == law for x in order]] for law in "ab"))[k]] for k in (0, 1)]
     rows = [f"{names['ab'.index(law)].pop(0)},{law}" for law in order]
     Path("turns.csv").write_text("\n".join(["file,law", *rows]))
     assert not any("drift" in line for line in compare_flights(["turns.csv"], ["b"]).premises)
+    Path("blocks.csv").write_text("\n".join(["file,law", *sorted(rows)]))
+    said = compare_flights(["blocks.csv"], ["b"]).premises[-1]
+    assert says(said, "drift: position errors change by +…%…with A flown first, that alone makes…")
 
 
 # A model ------------------------------------------------------------------------------------------
