@@ -66,8 +66,10 @@ def largest_changes(result: Result, row: int, length: int) -> Array:
 
     poses, desired = result.read("pose", controller=row), result.read("desired_pose")
     turned = np.swapaxes(desired[..., :3, :3], -1, -2) @ poses[..., :3, :3]
-    vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec(degrees=True)
-    vectors = vectors.reshape(*turned.shape[:2], 3)
+    exists = np.isfinite(turned).all(axis=(-1, -2))  # failed runs hold NaN
+    vectors = np.full((*exists.shape, 3), np.nan)
+    if exists.any():
+        vectors[exists] = Rotation.from_matrix(turned[exists]).as_rotvec(degrees=True)
     largest = np.zeros(turned.shape[:2])
     shown = np.lib.stride_tricks.sliding_window_view(vectors, length + 1, axis=1)
     for start in range(shown.shape[1]):

@@ -80,6 +80,19 @@ def test_an_exposure_is_about_its_mean(flown):
     assert samples_of(1.02, np.arange(0, 10, 0.05)) == 21
 
 
+def test_exposures_of_failed_runs():
+    from types import SimpleNamespace
+
+    from eqt_cli.extensions.requirements.errors import largest_changes
+
+    poses = np.tile(np.eye(3), (2, 5, 1, 1))
+    poses[1, 3:] = np.nan
+    held = SimpleNamespace(read=lambda name, **_: poses if name == "pose" else poses[0])
+    changes = largest_changes(held, 0, 2)
+    assert (changes[0] == 0).all()
+    assert np.isnan(changes[1, 3:]).all()
+
+
 def test_exposures_lie_within_the_window(flown):
     from eqt_cli.extensions.requirements.answers import findings
     from eqt_cli.extensions.requirements.errors import largest_changes, samples_of
