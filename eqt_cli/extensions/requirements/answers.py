@@ -257,19 +257,27 @@ def _of_runs(
     earlier = tuple(result.provenance.get(GROWN_FROM, ()))
     sure, possible = np.where(good, sure, 0.0), np.where(good, possible, 0.0)
     n = len(good)
-    if requirement.of == "mixed":
-        statement = shares.share_of_time(sure, possible, requirement.share, level)
-        seen = f"{100 * sure.mean():.5g} % of the time"
-    else:
-        share = requirement.share
+    share = requirement.of_runs or requirement.share
+
+    def judged(sure: Array, possible: Array) -> shares.Statement:
+        if requirement.of == "mixed":
+            return shares.share_of_time(sure, possible, share, level)
+        return shares.share_of_runs(
+            sure > 0, possible > 0, share, level, earlier, requirement.looks
+        )
+
+    seen = f"{100 * sure.mean():.5g} % of the time"
+    if requirement.of != "mixed":
         if requirement.of_runs is not None:
-            sure, possible, share = sure >= share, possible >= share, requirement.of_runs
-        keeps, may = sure > 0, possible > 0
-        statement = shares.share_of_runs(keeps, may, share, level, earlier, requirement.looks)
-        seen = f"{np.count_nonzero(keeps)}/{n} runs"
+            sure, possible = sure >= requirement.share, possible >= requirement.share
+        seen = f"{np.count_nonzero(sure)}/{n} runs"
+    statement = judged(sure, possible)
     why = ""
     if statement.word == "not shown":
-        why = _why(statement, requirement, n, bool((sure != possible).any()), apart)
+        finer = [judged(x, x) for x in (sure, possible)]
+        is_coarse = any(one.word != "not shown" or one.needed for one in finer)
+        is_coarse = is_coarse and bool((sure != possible).any())
+        why = _why(statement, requirement, n, is_coarse, apart)
     else:
         shown = statement.low if statement.word == "meets" else statement.high
         way = "at least" if statement.word == "meets" else "at most"

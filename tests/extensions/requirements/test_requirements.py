@@ -93,6 +93,22 @@ def test_exposures_of_failed_runs():
     assert np.isnan(changes[1, 3:]).all()
 
 
+@pytest.mark.parametrize(
+    ("sure", "possible", "words"), [(30, 40, "samples"), (28, 30, "% is shown")]
+)
+def test_samples_are_named_only_where_more_could_decide(sure, possible, words, flown, monkeypatch):
+    from eqt_cli.extensions.requirements import answers
+    from eqt_cli.extensions.requirements.keys import Requirement
+
+    kept = [np.arange(40) < number for number in (sure, possible)]
+    monkeypatch.setattr(
+        answers, "_bounds_kept", lambda *_: ("deg", 5.0, *(x * 1.0 for x in kept), 1.0)
+    )
+    asked = Requirement(metric="attitude_angle", max="5 deg", share=0.8)
+    with open_result(flown) as result:
+        assert words in next(answers.findings(result, [asked], {})).why
+
+
 def test_exposures_lie_within_the_window(flown):
     from eqt_cli.extensions.requirements.answers import findings
     from eqt_cli.extensions.requirements.errors import largest_changes, samples_of
