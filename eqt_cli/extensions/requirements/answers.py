@@ -308,8 +308,8 @@ def _why(
     if not statement.needed:
         low, high = _percent(statement.low, up=False), _percent(statement.high, up=True)
         return f"{low} to {high} % is shown"
-    more = "" if statement.high >= 1 else " more"
-    return f"{count_of(statement.needed, 'run')} without a{more} failure would do"
+    other = "a" if statement.high >= 1 else "another"
+    return f"{count_of(statement.needed, 'run')} without {other} failure would do"
 
 
 def _error_of(result: Result, name: str) -> float:
