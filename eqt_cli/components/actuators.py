@@ -427,7 +427,9 @@ class Lag(Actuator):
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (command − x) / T."""
-        axes: Any = slice(None) if self.lags is None else list(self.lags)
+        if self.lags is None:
+            return (command - x) / self.time_constant
+        axes = list(self.lags)
         return (command[..., axes] - x) / self.time_constant[..., axes]
 
 

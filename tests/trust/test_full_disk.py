@@ -58,7 +58,7 @@ def test_parts_and_result_are_counted_together(begun, monkeypatch):
     )
     assert says(
         error_of(preflight.check_resources, found, Path("new"), kind=ConfigError),
-        "c.yaml:7:12: ensemble.runs: 46 kB are needed on the disk…",
+        "c.yaml:7:12: ensemble.runs: 46.1 kB are needed on the disk…",
     )
     preflight.check_resources(found, out, missing=0.5)  # the other half is there
 

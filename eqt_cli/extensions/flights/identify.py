@@ -11,8 +11,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, listed, significant, step
-from eqt_cli.extensions.flights.identification import AxisLaw, Gain, Rows, delay_of, law_along
-from eqt_cli.extensions.flights.identification import unexplained as left_by
+from eqt_cli.extensions.flights.axis_laws import AxisLaw, Gain, Rows, delay_of, law_along
+from eqt_cli.extensions.flights.axis_laws import unexplained as left_by
 from eqt_cli.extensions.logs.api import MappingSource, command_series, log_errors, reading_once
 from eqt_cli.extensions.logs.flight_list import ListedFlight, flights_in
 from eqt_cli.extensions.logs.log_table import NORMALISED

@@ -9,12 +9,11 @@ import numpy as np
 
 from eqt_cli.base import purposes
 from eqt_cli.base.arrays import Array, distinct
-from eqt_cli.base.errors import EqtWarning
-from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import Attribute
 from eqt_cli.components.laws import RunsCode
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Compiled, Problem, evaluate
+from eqt_cli.extensions.samples.unjudged import UNJUDGED_ROWS
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import INTEGRALS, QUANTITIES, peak, settling_time
 from eqt_cli.results.quantity import Measure, ValuePer
@@ -78,10 +77,8 @@ def row_errors(study: Study) -> dict[str, Attribute]:
                         worst = max(worst, (error, name, label))
                     needed = max(needed, samples)
     error, name, law = worst
-    if error <= TOLD and unjudged:
-        reporter().remark(EqtWarning(unjudged[0]))
     if error <= TOLD:
-        return {}
+        return {UNJUDGED_ROWS: unjudged[0]} if unjudged else {}
     return {"row_error": error, "row_metric": name, "row_law": law, "row_samples": needed}
 
 
