@@ -17,6 +17,7 @@ import numpy as np
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, parse_key
+from eqt_cli.base.files import replace_file
 from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.config.document import Document, changed_at, value_at
@@ -304,10 +305,10 @@ def model_of(document: Document, flight: Flight, G: MatrixLieGroup, folder: Path
     t0, end = float(flight.tracking.curves[flight.quantity][0][0]), flight.window[1]
     if place := file_of_reference(document.data.get("reference")):
         file = folder / "setpoints.csv"
-        file.write_text(_setpoints(flight, G, t0, end))
+        replace_file(file, _setpoints(flight, G, t0, end).encode())
         document = changed_at(document, place, str(file), "setpoints of the flight")
     start = folder / "start.csv"
-    start.write_text(_start(flight, G, t0))
+    replace_file(start, _start(flight, G, t0).encode())
     document = changed_at(document, ("initial",), {"file": str(start)}, "start of the flight")
     span = {"duration": float(end - t0), "samples": int((end - t0) * SAMPLES) + 2}
     document = changed_at(document, ("time",), span, "time of the flight")

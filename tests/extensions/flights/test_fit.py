@@ -434,7 +434,7 @@ def test_a_delay_that_is_not_fitted_is_told_apart_from_drag(recorded):
     recorded(duration=8.0, late=1, noise=0.5)
     found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT])
     assert found.numbers[1].low > TRUE[ABOUT]
-    assert is_said_late(found.notes[-1])
+    assert any(map(is_said_late, found.notes))
 
 
 def test_slow_noise_is_told_from_white_noise(recorded):
