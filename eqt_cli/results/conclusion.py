@@ -10,6 +10,7 @@ from typing import Any
 from eqt_cli.base import purposes
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.files import TEXT_BYTES, content_of
 from eqt_cli.base.reporting import TextTable
 from eqt_cli.base.stored import CASE
 from eqt_cli.results.result import Result
@@ -83,8 +84,8 @@ def words_of(result: Result) -> Mapping[str, Any]:
     from eqt_cli.base.yaml_source import load  # slow to import, and most readers need it not
 
     beside = result.path.with_name("config.yaml")
-    with suppress(OSError, EqtError):
-        text = beside.read_text(encoding="utf-8")
+    with suppress(OSError, EqtError, ValueError):  # a link is not followed
+        text = content_of(beside, TEXT_BYTES, follow=False).decode()
         if result.path.name == "results.h5" and ("\nrequire:" in text or "\nwindows:" in text):
             return load(text, beside.name).data
     return result.config

@@ -206,8 +206,9 @@ class ResultFolder:
 
     def keep_words(self, study: Study) -> None:
         """Write the configuration again if words differ that no digest has, such as `require`."""
-        with suppress(OSError, EqtError):
-            stored = load((self.path / CONFIG).read_text(encoding="utf-8"), CONFIG).data
+        with suppress(OSError, EqtError, ValueError):
+            content = files.content_of(self.path / CONFIG, files.TEXT_BYTES, follow=False)
+            stored = load(content, CONFIG).data
             now = study.resolved
             if any(stored.get(key) != now.get(key) for key in marked(WORDS)):
                 self.write_config(study)

@@ -218,7 +218,7 @@ def _bound(requirement: Requirement, limit: float, unit: str) -> str:
 
 def _of_margin(result: Result, requirement: Requirement, law: str) -> Finding:
     """Judge a margin of the linear loop, which is one number."""
-    unit, better = MARGINS[requirement.metric]
+    unit, _ = MARGINS[requirement.metric]
     limit = limit_of(requirement, unit)
     name = in_words(requirement, _bound(requirement, limit, unit), None)
     stored = json.loads(str(result.attributes.get(STORED, "{}")))
@@ -231,8 +231,9 @@ def _of_margin(result: Result, requirement: Requirement, law: str) -> Finding:
     if of_law["stable"] is False and not of_law["indicative"]:
         return Finding(name, law, "unstable", blank._replace(word="fails"), "", requirement)
     value = of_law[requirement.metric]
-    if value is None:  # no factor makes the loop unstable
-        value = math.inf if better == "higher" else 0.0
+    if value is None or not (of_law["stable"] or of_law["indicative"]):
+        why = "the loop is not shown to be stable, or the law has no such margin; see eqt margins"
+        return Finding(name, law, "", blank, why, requirement)
     if of_law["indicative"]:
         why = "the loop changes with time, or leaves out what could matter; see eqt margins"
         seen = f"{significant(value, 4)} {'' if unit == '1' else unit}".strip()

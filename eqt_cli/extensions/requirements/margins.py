@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import eqt_cli
@@ -30,10 +31,13 @@ def stored_margins(study: Study) -> dict[str, Any]:
     numbers: dict[str, Any] = dict(laws.refused)
     for law in laws.laws:
         gain = law.gains.get("both")
+        # None of a margin: no factor that was tried makes the loop unstable.
+        upper = None if gain is None else math.inf if gain.upper is None else gain.upper
+        lower = None if gain is None else 0.0 if gain.lower is None else gain.lower
         numbers[law.label] = {
             "delay_margin": law.delay,
-            "gain_margin": None if gain is None else gain.upper,
-            "gain_reduction": None if gain is None else gain.lower,
+            "gain_margin": upper,
+            "gain_reduction": lower,
             "stable": law.growth.is_stable,
             "indicative": law.is_indicative,
         }

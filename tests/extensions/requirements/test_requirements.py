@@ -1,6 +1,7 @@
 """Requirements from a file to their answer, against plain NumPy on the stored samples."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import yaml
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.requirements import answers
+from eqt_cli.extensions.requirements.keys import Requirement
+from eqt_cli.results.conclusion import words_of
 from eqt_cli.results.result import open_result
 
 BASE = {
@@ -166,6 +170,29 @@ def test_words_are_those_of_the_file_now_and_looks_are_counted(tmp_path, invoke)
     path.write_text(yaml.safe_dump(wheel | {"require": margin}))
     invoke("run", path, "--out", tmp_path / "m", "-q")
     invoke("compare", tmp_path / "m", "--fail-on", "requirements")
+
+
+@pytest.mark.parametrize(
+    ("margins", "said"),
+    [
+        ({"delay_margin": None, "stable": None, "indicative": False}, "not shown"),
+        ({"delay_margin": None, "stable": False, "indicative": False}, "fails"),
+        ({"delay_margin": 0.5, "stable": True, "indicative": True}, "not shown"),
+        ({"delay_margin": float("inf"), "stable": True, "indicative": False}, "meets"),
+    ],
+)
+def test_a_loop_that_is_not_shown_to_be_stable_meets_no_margin(margins, said):
+    result = SimpleNamespace(attributes={"margins": json.dumps({"gt": margins})}, out_of=0)
+    requirement = Requirement(metric="delay_margin", min="0.3 s")
+    assert answers._of_margin(result, requirement, "gt").statement.word == said
+
+
+def test_a_link_beside_a_result_is_not_followed(flown, tmp_path):
+    (tmp_path / "other.yaml").write_text("name: x\nrequire: []\n")
+    (tmp_path / "results.h5").write_bytes((flown / "results.h5").read_bytes())
+    (tmp_path / "config.yaml").symlink_to(tmp_path / "other.yaml")
+    with open_result(tmp_path / "results.h5") as result:
+        assert len(words_of(result)["require"]) == len(REQUIRE)
 
 
 def test_a_gate_ends_with_4(flown, invoke):
